@@ -1,0 +1,28 @@
+"""Fixtures every test file shares."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+ROOT = Path(__file__).resolve().parent.parent
+
+settings.register_profile(
+    "default", deadline=None, derandomize=bool(os.environ.get("CI")), suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("default")
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261122)
+
+
+@pytest.fixture(scope="session")
+def data_dir():
+    path = Path(os.environ.get("VOXKERNEL_DATA", ROOT.parent / "shared" / "data"))
+    if not (path / "manifest.csv").exists():
+        pytest.skip(f"real meshes not found at {path}; set VOXKERNEL_DATA")
+    return path

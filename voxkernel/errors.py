@@ -1,0 +1,19 @@
+"""The exceptions voxkernel raises on purpose."""
+
+__all__ = ["MeshError", "MeshReadError", "SolverError", "VoxKernelError"]
+
+
+class VoxKernelError(Exception):
+    """Base class of every error voxkernel raises on purpose."""
+
+
+class MeshError(VoxKernelError, ValueError):
+    """A surface that cannot be used: wrong shape, bad index, NaN, no area."""
+
+
+class MeshReadError(VoxKernelError, OSError):
+    """A mesh file that is missing, empty or not readable."""
+
+
+class SolverError(VoxKernelError, RuntimeError):
+    """A computation that could not be finished."""
