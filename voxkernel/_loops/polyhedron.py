@@ -1,0 +1,109 @@
+"""Faces, volume and moments of a convex polyhedron from the triangles of its dual hull."""
+
+import numpy as np
+from numba import njit
+
+from voxkernel._loops import NUMBA_CACHE
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def dual_faces(simplices, outward, vertex_ids, n_duals):  # type: ignore[no-untyped-def]
+    """List the polygon of every dual point: the vertices of the triangles around it, in order.
+
+    simplices : (m, 3) dual points of each hull triangle; outward[i] is False where the triangle must
+    be turned to be counter-clockwise seen from outside. vertex_ids : (m,) primal vertex of each.
+    Returns (start, ring): the polygon of dual point p is ring[start[p]:start[p + 1]], repeated
+    vertices dropped, empty where fewer than three are left; and whether all rings closed.
+    """
+    m = simplices.shape[0]
+    count = np.zeros(n_duals + 1, np.int64)
+    for i in range(m):
+        for k in range(3):
+            count[simplices[i, k] + 1] += 1
+    for p in range(n_duals):
+        count[p + 1] += count[p]
+    fill = count[:-1].copy()
+    first = np.empty(3 * m, np.int64)
+    second = np.empty(3 * m, np.int64)
+    owner = np.empty(3 * m, np.int64)
+    for i in range(m):
+        for k in range(3):
+            p = simplices[i, k]
+            u = simplices[i, (k + 1) % 3]
+            v = simplices[i, (k + 2) % 3]
+            if not outward[i]:
+                u, v = v, u
+            first[fill[p]] = u
+            second[fill[p]] = v
+            owner[fill[p]] = i
+            fill[p] += 1
+    start = np.zeros(n_duals + 1, np.int64)
+    ring = np.empty(3 * m, np.int64)
+    used = 0
+    closed = True
+    for p in range(n_duals):
+        low = count[p]
+        high = count[p + 1]
+        n = high - low
+        begin = used
+        if n >= 3:
+            order = np.argsort(first[low:high])
+            keys = first[low:high][order]
+            current = 0
+            steps = 0
+            while steps < n:
+                vertex = vertex_ids[owner[low + current]]
+                if used == begin or ring[used - 1] != vertex:
+                    ring[used] = vertex
+                    used += 1
+                steps += 1
+                target = second[low + current]
+                j = np.searchsorted(keys, target)
+                if j == n or keys[j] != target:
+                    closed = False
+                    break
+                current = order[j]
+                if current == 0:
+                    break
+            if steps < n:
+                closed = False
+            if used > begin + 1 and ring[used - 1] == ring[begin]:
+                used -= 1
+            if used - begin < 3:
+                used = begin
+        start[p + 1] = used
+    return start, ring[:used].copy(), closed
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def moments(vertices, start, ring):  # type: ignore[no-untyped-def]
+    """Volume, first and second moments about the origin, area, of polygons seen from the origin inside."""
+    volume = 0.0
+    area = 0.0
+    first = np.zeros(3)
+    second = np.zeros((3, 3))
+    a = np.empty(3)
+    b = np.empty(3)
+    c = np.empty(3)
+    for f in range(start.shape[0] - 1):
+        low = start[f]
+        for j in range(low + 1, start[f + 1] - 1):
+            for k in range(3):
+                a[k] = vertices[ring[low], k]
+                b[k] = vertices[ring[j], k]
+                c[k] = vertices[ring[j + 1], k]
+            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            area += 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
+            part = (a[0] * nx + a[1] * ny + a[2] * nz) / 6.0
+            volume += part
+            for k in range(3):
+                first[k] += part * (a[k] + b[k] + c[k]) / 4.0
+                for m in range(k + 1):
+                    total = (a[k] + b[k] + c[k]) * (a[m] + b[m] + c[m])
+                    second[k, m] += part * (a[k] * a[m] + b[k] * b[m] + c[k] * c[m] + total) / 20.0
+    for k in range(3):
+        for m in range(k):
+            second[m, k] = second[k, m]
+    return volume, first, second, area

@@ -1,0 +1,237 @@
+"""Surface files: polygons, float64 coordinates and order as they stand in the file.
+
+``.off`` and ``.obj`` have parsers of their own because no library keeps all three: meshio 5.3 reads only
+triangles from ``.off`` and no relative indices from ``.obj``; VTK and Open3D round to float32 or renumber
+the vertices. PyMeshLab reads everything else.
+"""
+
+import io
+import os
+import re
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._ply import Polygons, format_ply, parse_ply
+from voxkernel.errors import MeshReadError
+
+__all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
+
+_MESHLAB_SUFFIXES = (".3ds", ".3mf", ".ctm", ".dae", ".fbx", ".glb", ".gltf", ".tri", ".vmi", ".wrl", ".x3d", ".x3dv")
+
+
+def read_polygons(path: str | os.PathLike[str]) -> Polygons:
+    """Read a file by its suffix; every failure is a MeshReadError of one line that names the file."""
+    file = Path(path)
+    suffix = file.suffix.lower()
+    parsers = {".ply": parse_ply, ".off": _parse_off, ".obj": _parse_obj, ".stl": _parse_stl}
+    if not file.exists():
+        raise MeshReadError(f"`path` must be an existing file; got '{file}'")
+    if file.is_dir():
+        raise MeshReadError(f"`path` must be a file; got the folder '{file}'")
+    if suffix not in parsers and suffix not in _MESHLAB_SUFFIXES:
+        known = " ".join(sorted((*parsers, *_MESHLAB_SUFFIXES)))
+        raise MeshReadError(f"`path` must end in one of {known}; got '{file}'")
+    try:
+        if suffix in parsers:
+            data = file.read_bytes()
+            empty = not data.strip()
+        else:
+            data, empty = b"", file.stat().st_size == 0
+    except OSError as error:
+        raise MeshReadError(f"'{file}' cannot be read: {error.strerror or error}") from error
+    if empty:
+        raise MeshReadError(f"'{file}' cannot be read: the file is empty")
+    if suffix not in parsers:
+        return _read_with_pymeshlab(file)
+    try:
+        return parsers[suffix](data)
+    except (ValueError, IndexError, KeyError, OverflowError, MemoryError) as error:
+        reason = f"unknown word {error}" if isinstance(error, KeyError) else str(error)
+        raise MeshReadError(f"'{file}' is not a readable {suffix} file: {_one_line(reason)}") from error
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())[:300]
+
+
+def _polygons(vertices: Any, flat: Any, sizes: Any) -> Polygons:
+    return Polygons(
+        np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
+        np.asarray(flat, dtype=np.int64),
+        np.asarray(sizes, dtype=np.int64),
+    )
+
+
+def _numbers(rows: list[list[str]]) -> NDArray[np.float64]:
+    """Correctly rounded float64 of every word."""
+    return np.array(list(chain.from_iterable(rows)), dtype=np.float64)
+
+
+def _coordinates(rows: list[list[str]]) -> NDArray[np.float64]:
+    """First three numbers of each row; colours and weights may follow."""
+    if any(len(row) < 3 for row in rows):
+        raise ValueError("a vertex has fewer than 3 coordinates")
+    return _numbers([row[:3] for row in rows]).reshape(-1, 3)
+
+
+def _parse_off(data: bytes) -> Polygons:
+    """Object File Format: OFF with or without normals, colours, texture; `#` comments."""
+    text = data.decode("ascii", "replace")
+    if "#" in text:
+        text = re.sub(r"#[^\r\n]*", "", text)
+    rows = [row for row in (line.split() for line in text.splitlines()) if row]
+    if not rows:
+        raise ValueError("it holds only comments")
+    match = re.fullmatch(r"(ST)?(C)?(N)?OFF", rows[0][0])
+    if match is None:
+        raise ValueError("it does not start with 'OFF'")
+    counts = rows[0][1:] or rows[1]
+    first = 1 if rows[0][1:] else 2
+    if counts[0] == "BINARY":
+        raise ValueError("binary OFF is not supported")
+    n_vertices, n_faces = int(counts[0]), int(counts[1])
+    if n_vertices < 0 or n_faces < 0 or len(rows) < first + n_vertices + n_faces:
+        raise ValueError(f"it ends before its {n_vertices} vertices and {n_faces} faces do")
+    faces = rows[first + n_vertices : first + n_vertices + n_faces]
+    sizes = np.array([row[0] for row in faces], dtype=np.int64)
+    if any(len(row) <= size for row, size in zip(faces, sizes.tolist(), strict=True)) or (sizes < 0).any():
+        raise ValueError("a face has fewer indices than it says")
+    words = chain.from_iterable(row[1 : size + 1] for row, size in zip(faces, sizes.tolist(), strict=True))
+    flat = np.array(list(words), dtype=np.int64)
+    return _polygons(_coordinates(rows[first : first + n_vertices]), flat, sizes)
+
+
+def _parse_obj(data: bytes) -> Polygons:
+    """Wavefront: `v` and `f` lines; groups, materials, lines and points are passed over."""
+    text = data.decode("utf-8", "replace")
+    if "\\" in text:
+        text = re.sub(r"\\[ \t]*\r?\n", " ", text)
+    vertices: list[list[str]] = []
+    faces: list[list[str]] = []
+    seen: list[int] = []
+    for line in text.splitlines():
+        if line.startswith(("v ", "v\t")):
+            vertices.append(line.split()[1:])
+        elif line.startswith(("f ", "f\t")):
+            faces.append(line.split("#", 1)[0].split()[1:])
+            seen.append(len(vertices))
+        elif line[:1].isspace() and (words := line.split()) and words[0] in ("v", "f"):
+            (vertices if words[0] == "v" else faces).append(words[1:])
+            if words[0] == "f":
+                seen.append(len(vertices))
+    words = list(chain.from_iterable(faces))
+    if any("/" in word for word in words):
+        words = [word.split("/", 1)[0] for word in words]
+    flat = np.array(words, dtype=np.int64)
+    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    if (flat == 0).any():
+        raise ValueError("vertex index 0 (they start at 1)")
+    before = np.repeat(np.array(seen, dtype=np.int64), sizes)
+    if (flat < -before).any():
+        raise ValueError("a relative vertex index reaches before the first vertex")
+    return _polygons(_coordinates(vertices), np.where(flat > 0, flat - 1, before + flat), sizes)
+
+
+def _parse_stl(data: bytes) -> Polygons:
+    """Triangle soup, text or binary (recognised by its length, as binary files may start with 'solid')."""
+    if len(data) >= 84:
+        n = int.from_bytes(data[80:84], "little")
+        if len(data) == 84 + 50 * n:
+            layout = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+            corners = np.frombuffer(data, dtype=layout, count=n, offset=84)["corners"]
+            return _polygons(corners, np.arange(3 * n), np.full(n, 3))
+    if not data.lstrip().startswith(b"solid"):
+        raise ValueError("neither a text file that starts with 'solid' nor a binary one of the right length")
+    found = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
+    n_loops = len(re.findall(rb"\bendloop\b", data))
+    if len(found) != 3 * n_loops:
+        raise ValueError(f"{n_loops} triangles but {len(found)} corners")
+    numbers = np.array([float(word) for row in found for word in row], dtype=np.float64)
+    return _polygons(numbers, np.arange(3 * n_loops), np.full(n_loops, 3))
+
+
+def merge_equal_corners(soup: Polygons) -> Polygons:
+    """Give equal positions one vertex, in the order of first appearance: STL has no other way to share."""
+    x, y, z = soup.vertices.T
+    order = np.lexsort((z, y, x))
+    rows = soup.vertices[order]
+    new = np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])[: len(rows)]
+    first = order[new]  # lexsort is stable: the earliest corner of each group comes first
+    rank = np.empty(len(first), dtype=np.int64)
+    by_appearance = np.argsort(first)
+    rank[by_appearance] = np.arange(len(first))
+    ids = np.empty(len(rows), dtype=np.int64)
+    ids[order] = rank[np.cumsum(new) - 1]
+    return Polygons(soup.vertices[first[by_appearance]], ids[soup.flat], soup.sizes)
+
+
+def _read_with_pymeshlab(file: Path) -> Polygons:
+    """All layers of the file in one surface, each moved by its own matrix."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    try:
+        meshes.load_new_mesh(str(file))
+    except pymeshlab.PyMeshLabException as error:
+        details = str(error).split("Error details:")[-1]
+        raise MeshReadError(f"'{file}' is not a readable {file.suffix.lower()} file: {_one_line(details)}") from error
+    vertices: list[NDArray[np.float64]] = []
+    faces: list[NDArray[np.int64]] = []
+    n = 0
+    for mesh in meshes:
+        points = np.array(mesh.vertex_matrix(), dtype=np.float64).reshape(-1, 3)
+        triangles = np.array(mesh.face_matrix(), dtype=np.int64).reshape(-1, 3)
+        matrix = np.array(mesh.transform_matrix(), dtype=np.float64)
+        if not np.array_equal(matrix, np.eye(4)):
+            points = points @ matrix[:3, :3].T + matrix[:3, 3]
+            if np.linalg.det(matrix[:3, :3]) < 0.0:
+                triangles = triangles[:, ::-1]
+        vertices.append(points)
+        faces.append(triangles + n)
+        n += len(points)
+    flat = np.concatenate(faces).reshape(-1) if faces else np.zeros(0, dtype=np.int64)
+    points = np.concatenate(vertices) if vertices else np.zeros((0, 3))
+    return _polygons(points, flat, np.full(len(flat) // 3, 3))
+
+
+def write_triangles(
+    path: str | os.PathLike[str], vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> None:
+    """Write one of four formats; the first three keep float64 exactly."""
+    file = Path(path)
+    suffix = file.suffix.lower()
+    if suffix == ".ply":
+        file.write_bytes(format_ply(vertices, faces))
+    elif suffix == ".stl":
+        file.write_bytes(_format_stl(vertices, faces))
+    elif suffix in (".off", ".obj"):
+        text = io.BytesIO()
+        if suffix == ".off":
+            text.write(f"OFF\n{len(vertices)} {len(faces)} 0\n".encode("ascii"))
+            np.savetxt(text, vertices, fmt="%.17g")
+            np.savetxt(text, faces, fmt="3 %d %d %d")
+        else:
+            np.savetxt(text, vertices, fmt="v %.17g %.17g %.17g")
+            np.savetxt(text, faces + 1, fmt="f %d %d %d")
+        file.write_bytes(text.getvalue())
+    else:
+        raise ValueError(f"`path` must end in one of .obj .off .ply .stl; got '{file}'")
+
+
+def _format_stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bytes:
+    """Binary STL; coordinates are rounded to float32."""
+    if np.abs(vertices).max() > np.finfo(np.float32).max:
+        raise ValueError("`vertices` must fit in float32 for .stl; got larger coordinates (use .ply)")
+    rows = np.zeros(
+        len(faces), dtype=[("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    )
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    rows["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    rows["corners"] = corners
+    return bytes(80) + len(faces).to_bytes(4, "little") + rows.tobytes()

@@ -1,0 +1,141 @@
+"""Solid kernels in floating point: cull, take the dual hull once, read off faces and moments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.halfspaces import HalfSpaces
+
+__all__ = ["Polyhedron", "polyhedron_around", "polyhedron_moments", "relevant_rows"]
+
+_CULL_ABOVE = 3000
+_FIRST_BOX = 4.0
+_LAST_BOX = 2.0**28
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """A bounded convex polyhedron: vertices relative to `center`, rings of vertex ids, row of each ring.
+
+    `center` and `vertices` are in local coordinates; `start` and `ring` list the polygons.
+    """
+
+    center: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    start: NDArray[np.int64]
+    ring: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+    @property
+    def extent(self) -> float:
+        """Largest distance of a vertex from the centre."""
+        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
+
+
+def polyhedron_around(
+    planes: HalfSpaces, point: NDArray[np.float64], *, slacks: NDArray[np.float64] | None = None
+) -> Polyhedron | None:
+    """Intersect half-spaces about a local point strictly inside them; `slacks` are its distances if known better.
+
+    Returns None where Qhull gives up or the polyhedron is unbounded.
+
+    Notes
+    -----
+    The hull of the dual points n / (d - n . x) is computed once (Qhull, through SciPy); a triangle of
+    it is a vertex, a point of it a face. A cube far away closes what is open.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    from voxkernel._loops.polyhedron import dual_faces
+
+    normals = planes.local_normals
+    if slacks is None:
+        slacks = planes.local_offsets - normals @ point
+    if slacks.min() <= 0.0:
+        return None
+    box = _FIRST_BOX
+    while True:
+        duals = np.concatenate([normals / slacks[:, None], _CUBE / (2 * box - _CUBE @ point)[:, None]])
+        try:
+            hull = ConvexHull(duals)
+        except QhullError:
+            return None
+        equations = hull.equations
+        if equations[:, 3].max() >= 0.0:
+            return None
+        if not (hull.simplices >= len(planes)).any():
+            break
+        if box >= _LAST_BOX:
+            return None
+        box *= 256.0
+    order = np.lexsort(equations.T)
+    ordered = equations[order]
+    fresh = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
+    vertex_ids = np.empty(len(order), np.int64)
+    vertex_ids[order] = np.cumsum(fresh) - 1
+    unique = ordered[fresh]
+    vertices = -unique[:, :3] / unique[:, 3:4]
+    corners = duals[hull.simplices]
+    turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = np.einsum("ij,ij->i", turn, equations[:, :3]) > 0
+    start, ring, closed = dual_faces(hull.simplices.astype(np.int64), outward, vertex_ids, len(planes))
+    if not closed:
+        return None
+    has_face = np.flatnonzero(np.diff(start))
+    compact = np.concatenate([start[has_face], start[-1:]])
+    return Polyhedron(point.copy(), vertices, compact, ring, has_face)
+
+
+_CUBE = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+def relevant_rows(
+    planes: HalfSpaces, point: NDArray[np.float64], working_set: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], int]:
+    """List the half-spaces that may bound the kernel around a point inside it; the rest is proven redundant.
+
+    The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane
+    that its corners do not reach is dropped. Returns the rows and the number of passes made.
+    """
+    from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
+
+    n = len(planes)
+    if n <= _CULL_ABOVE:
+        return np.arange(n), 0
+    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
+    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
+    tightest_by_direction(*arrays, point, np.inf, ids, slacks)
+    tight = np.union1d(ids[ids >= 0], working_set)
+    outer = polyhedron_around(planes.select(tight), point)
+    if outer is None:
+        return np.arange(n), 1
+    return np.union1d(rows_reaching(planes, outer), tight[outer.rows]), 2
+
+
+def rows_reaching(planes: HalfSpaces, outer: Polyhedron) -> NDArray[np.int64]:
+    """List the half-spaces not certainly clear of the corners of a polyhedron (padded for rounding)."""
+    from voxkernel._loops.linear_program import not_redundant
+
+    # The corners come from Qhull; pushing them out by 1e-9 of the size covers their rounding.
+    corners = outer.center + outer.vertices * (1.0 + 1e-9)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    keep = np.empty(len(planes), np.int64)
+    count = not_redundant(
+        planes.local_normals, planes.local_offsets, planes.local_errors,
+        0.5 * (low + high), 0.5 * (high - low), corners, keep,
+    )  # fmt: skip
+    return keep[:count]
+
+
+def polyhedron_moments(
+    solid: Polyhedron,
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+    """Volume, centroid (relative to the centre), second central moment and area, in local units."""
+    from voxkernel._loops.polyhedron import moments
+
+    volume, first, second, area = moments(solid.vertices, solid.start, solid.ring)
+    centroid = first / volume
+    return volume, centroid, second - volume * np.outer(centroid, centroid), area

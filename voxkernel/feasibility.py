@@ -1,0 +1,273 @@
+"""Whether half-spaces have a common point: a deep point, or a witness that there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._exact_program import as_integers, deepest_rational_point, kernel_of_rows, rank_of
+from voxkernel.errors import SolverError
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.predicates import touched_and_violated
+
+__all__ = ["Feasibility", "Witness", "find_feasibility"]
+
+_SHARE = 0.5  # a point is deep enough at this share of the proven largest depth
+_BOXES = (4.0, 2.0**12, 2.0**26)
+_MAX_ROUNDS = 60
+_EXACT_ROWS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """Half-spaces and multipliers >= 0 with sum(l n) = 0 and sum(l d) <= 0, in exact integers.
+
+    Below zero no point satisfies all of them; at zero every common point lies on each of them.
+    """
+
+    ids: tuple[int, ...]
+    multipliers: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """The dimension of the common part of half-spaces, and what proves it.
+
+    `point` is exact, in lattice coordinates, and lies in the relative interior; `directions` span
+    the affine hull; `witnesses` prove that the dimension is not larger. `working_set` holds the
+    half-spaces that mattered. `passes` counts the sweeps over all half-spaces.
+    """
+
+    dimension: int
+    point: tuple[Fraction, Fraction, Fraction] | None
+    directions: tuple[tuple[int, int, int], ...]
+    witnesses: tuple[Witness, ...]
+    working_set: NDArray[np.int64]
+    local_point: NDArray[np.float64] | None
+    clearance: float
+    passes: int
+
+
+def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
+    """Find the dimension of the intersection of half-spaces, exactly for the doubles given.
+
+    Floating point proposes, with a bound on every rounding error; what it cannot prove is decided
+    in rational arithmetic on a working set that grows until no half-space objects.
+
+    Parameters
+    ----------
+    halfspaces : HalfSpaces
+        At least one.
+
+    Returns
+    -------
+    Feasibility
+        dimension -1 (empty) to 3, with a point or witnesses.
+    """
+    rows, passes, answer = _float_stage(halfspaces)
+    if answer is not None:
+        return answer
+    return _exact_stage(halfspaces, rows, passes)
+
+
+def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
+    """Grow a working set until it is proven solid or empty, or floating point has said all it can."""
+    from voxkernel._loops.linear_program import N_BINS, deepest_point, tightest_by_direction
+
+    normals, offsets, errors = halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
+    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
+    basis, multipliers, point = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
+    passes = 0
+    n = len(halfspaces)
+    if n <= N_BINS:
+        rows = np.arange(n)
+    else:
+        rows = np.arange(0, n, max(1, n // 256))
+    best: tuple[float, NDArray[np.float64]] | None = None
+    box = 0
+    for _ in range(_MAX_ROUNDS):
+        steps = deepest_point(normals, offsets, rows, len(rows), _BOXES[box], basis, multipliers, point, 1e-15 * _BOXES[box], 400)
+        if steps < 0:
+            break
+        upper = point[3]
+        at_box = bool(((basis < 6) & (multipliers > 1e-13)).any())
+        if upper < 0.0:
+            if at_box:
+                if box + 1 == len(_BOXES):
+                    break
+                box += 1
+                continue
+            used = rows[basis[(basis >= 7) & (multipliers > 0.0)] - 7]
+            witness = _empty_witness(halfspaces, used)
+            if witness is None:
+                break
+            return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, float(-upper), passes)
+        smallest, certain, _ = tightest_by_direction(normals, offsets, errors, point[:3], upper, ids, slacks)
+        passes += 1
+        if certain > 0.0 and (best is None or smallest > best[0]):
+            best = (smallest, point[:3].copy())
+        fresh = np.setdiff1d(ids[ids >= 0], rows)
+        if (best is not None and best[0] >= _SHARE * upper) or not len(fresh):
+            break
+        rows = np.concatenate([rows, fresh])
+    if best is None:
+        near = offsets[rows] - normals[rows] @ point[:3]
+        return rows[np.argsort(near, kind="stable")[:_EXACT_ROWS]], passes, None
+    depth, local = best
+    x, y, z = halfspaces.to_lattice(local)
+    every = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    return rows, passes, Feasibility(3, (x, y, z), every, (), rows, local, depth, passes)
+
+
+def _empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | None:
+    """Prove in integers that a handful of half-spaces have no common point; None when they have one."""
+    if not len(ids):
+        return None
+    planes = halfspaces.integer_planes(ids)
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in planes], 3, unit=unit)
+    if optimum.clearance >= 0:
+        return None
+    return _witness(ids, optimum.multipliers)
+
+
+def _witness(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:
+    used = sorted(multipliers)
+    return Witness(tuple(int(ids[i]) for i in used), tuple(as_integers([multipliers[i] for i in used])))
+
+
+def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -> Feasibility:
+    """Decide in rationals on the working set; add half-spaces that object until none does."""
+    while True:
+        dimension, point, directions, witnesses, equal = _decide_rows(halfspaces, rows)
+        if dimension < 0 or point is None:
+            return Feasibility(-1, None, (), witnesses, rows, None, 0.0, passes)
+        if halfspaces.is_cone and dimension == 0:  # the apex satisfies every plane
+            return Feasibility(0, point, directions, witnesses, rows, halfspaces.from_lattice(point), 0.0, passes)
+        touched, violated = touched_and_violated(halfspaces, point)
+        passes += 1
+        fresh = np.setdiff1d(violated, rows)
+        if not len(fresh):
+            if len(violated):
+                raise SolverError("the exact linear program returned a point outside its own half-spaces")
+            # A touched plane that is not constant on the affine hull leaves the point on the rim.
+            others = np.setdiff1d(touched, rows)
+            planes = halfspaces.integer_planes(others)
+            on_rim = [
+                i
+                for i, p in zip(others, planes, strict=True)
+                if any(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in directions)
+            ]
+            if not on_rim:
+                local = halfspaces.from_lattice(point)
+                return Feasibility(dimension, point, directions, witnesses, np.union1d(rows, equal), local, 0.0, passes)
+            fresh = np.array(on_rim, np.int64)
+        rows = np.concatenate([rows, _most_different(halfspaces, fresh)])
+
+
+def _most_different(halfspaces: HalfSpaces, ids: NDArray[np.int64], count: int = 64) -> NDArray[np.int64]:
+    """Thin out a long list of objecting planes evenly; the rest objects again if it still matters."""
+    return ids if len(ids) <= count else ids[:: -(-len(ids) // count)]
+
+
+_Decision = tuple[
+    int,
+    tuple[Fraction, Fraction, Fraction] | None,
+    tuple[tuple[int, int, int], ...],
+    tuple[Witness, ...],
+    NDArray[np.int64],
+]
+
+
+def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
+    """Find dimension, relative interior point and witnesses for the working set alone.
+
+    Where the largest clearance is zero, the half-spaces with positive multipliers hold with
+    equality; the search goes on in their common affine subspace, at most three times.
+    """
+    planes = halfspaces.integer_planes(rows)
+    base: tuple[Fraction, Fraction, Fraction] = (Fraction(0), Fraction(0), Fraction(0))
+    directions = kernel_of_rows([])
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    equal: list[int] = []
+    witnesses: list[Witness] = []
+    while directions:
+        reduced = [
+            (
+                tuple(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in directions),
+                p[3] - sum((u * v for u, v in zip(p[:3], base, strict=True)), Fraction(0)),
+            )
+            for p in planes
+        ]
+        moving = [i for i, (normal, _) in enumerate(reduced) if any(normal)]
+        length = max(max(map(abs, w)) for w in directions)
+        optimum = deepest_rational_point([reduced[i] for i in moving], len(directions), unit=unit / length)
+        multipliers = {moving[i]: m for i, m in optimum.multipliers.items()}
+        if optimum.clearance < 0:
+            return -1, None, (), (_witness(rows, multipliers),), rows[equal]
+        shift = [sum((w[k] * z for w, z in zip(directions, optimum.point, strict=True)), Fraction(0)) for k in range(3)]
+        base = (base[0] + shift[0], base[1] + shift[1], base[2] + shift[2])
+        if optimum.clearance > 0:
+            break
+        equal += sorted(multipliers)
+        witnesses.append(_lifted_witness(rows, planes, equal))
+        directions = kernel_of_rows([planes[i][:3] for i in equal])
+    dimension = len(directions)
+    if equal and 3 - rank_of([planes[i][:3] for i in equal]) != dimension:
+        raise SolverError("the exact linear program lost count of the dimension")
+    return dimension, base, tuple(directions), tuple(witnesses), rows[equal]
+
+
+def _lifted_witness(rows: NDArray[np.int64], planes: list[tuple[int, int, int, int]], equal: list[int]) -> Witness:
+    """Turn equalities found in a subspace into one witness in space: sum(l n) = 0 and sum(l d) = 0, all l > 0.
+
+    A half-space is an implicit equality of a set exactly when some non-negative combination with a
+    positive share of it vanishes; maximising the smallest share finds one for all at once.
+    """
+    combination = _positive_combination([planes[i] for i in equal])
+    if combination is None:
+        raise SolverError("the equalities of a flat kernel have no common witness")
+    return Witness(tuple(int(rows[i]) for i in equal), tuple(as_integers(combination)))
+
+
+def _positive_combination(planes: list[tuple[int, int, int, int]]) -> list[Fraction] | None:
+    """Find l > 0 with sum(l * plane) = 0 for a handful of planes in 4-space."""
+    n = len(planes)
+    total = [Fraction(0)] * n
+    for i in range(n):
+        part = _combination_with(planes, i)
+        if part is None:
+            return None
+        total = [u + v for u, v in zip(total, part, strict=True)]
+    return total
+
+
+def _combination_with(planes: list[tuple[int, int, int, int]], chosen: int) -> list[Fraction] | None:
+    """Find l >= 0 with l[chosen] = 1 and sum(l * plane) = 0, trying sets of at most 4 other planes."""
+    from itertools import combinations
+
+    from voxkernel._exact_program import solve_rational
+
+    target = [-Fraction(v) for v in planes[chosen]]
+    others = [i for i in range(len(planes)) if i != chosen]
+    for size in range(1, 5):
+        for subset in combinations(others, size):
+            # Least squares in rationals: exact solution iff the residual vanishes.
+            gram = [[Fraction(sum(planes[i][k] * planes[j][k] for k in range(4))) for j in subset] for i in subset]
+            right = [sum((planes[i][k] * target[k] for k in range(4)), Fraction(0)) for i in subset]
+            solution = solve_rational(gram, right)
+            if solution is None or any(v < 0 for v in solution):
+                continue
+            if all(
+                sum((v * planes[i][k] for v, i in zip(solution, subset, strict=True)), Fraction(0)) == target[k]
+                for k in range(4)
+            ):
+                result = [Fraction(0)] * len(planes)
+                result[chosen] = Fraction(1)
+                for v, i in zip(solution, subset, strict=True):
+                    result[i] = v
+                return result
+    return None

@@ -1,0 +1,418 @@
+"""From an oriented surface to the inner half-spaces of its facets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_points, read_only
+from voxkernel.errors import MeshError
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh_input import as_mesh
+
+__all__ = ["HalfSpaces", "IntegerPlane", "as_halfspaces"]
+
+IntegerPlane = tuple[int, int, int, int]
+
+_EXPLICIT_ERROR = 32 * 2.0**-53
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class HalfSpaces:
+    """The inner half-spaces `n . x <= d` of a surface, ready for floating-point and exact work.
+
+    Floating-point work happens in local coordinates `(x - origin) / scale`, in which every corner
+    of the surface has length at most 1; exact work happens on integers made from the input doubles.
+
+    Attributes
+    ----------
+    local_normals, local_offsets : (n, 3) and (n,) float64
+        Unit normals and offsets in local coordinates.
+    local_errors : (n,) float64
+        The error of `n . x - d` at a local `x` is at most `local_errors * (|x| + 1)`.
+    weights : (n,) float64
+        Facet areas, in squared mesh units.
+    facet_ids : (n,) int64
+        The input facet of each half-space; `-1 - j` for the j-th plane given explicitly.
+    origin, scale : (3,) float64 and float
+        The local frame; `scale` is a power of two.
+    n_degenerate : int
+        Facets without area that were left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> planes = HalfSpaces.from_planes([[1, 0, 0], [-1, 0, 0]], [2, 0])
+    >>> planes.offsets
+    array([2., 0.])
+    """
+
+    local_normals: NDArray[np.float64]
+    local_offsets: NDArray[np.float64]
+    local_errors: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    facet_ids: NDArray[np.int64]
+    origin: NDArray[np.float64]
+    scale: float
+    n_degenerate: int
+    bounds_volume: bool
+    _vertices: NDArray[np.float64]
+    _corners: NDArray[np.int64]  # (n, 3) vertex ids; row (-1 - j, 0, 0) is explicit plane j
+    _explicit: NDArray[np.float64]  # (k, 4) n, d as given
+    _lattice_bits: int  # every input double times 2**bits is an integer
+    is_cone: bool = False  # the surface planes moved to the origin: directions, not points
+
+    @classmethod
+    def from_mesh(cls, mesh: TriangleMesh) -> HalfSpaces:
+        """Build the half-spaces of a mesh; facets without area are dropped and counted.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The surface; its facet planes are taken from the float64 corners as given.
+
+        Returns
+        -------
+        HalfSpaces
+            In facet order.
+
+        Raises
+        ------
+        MeshError
+            If no facet has an area.
+        """
+        from voxkernel._loops.planes import boundary_is_zero, facet_planes
+
+        vertices, corners = mesh.vertices, mesh.plane_corners
+        origin, scale = _local_frame(vertices)
+        n = len(corners)
+        normals, offsets = np.empty((n, 3)), np.empty(n)
+        areas, errors = np.empty(n), np.empty(n)
+        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+        bits = _lattice_bits(vertices)
+        if undecided:
+            frame = (origin, scale, bits)
+            for i in np.flatnonzero(errors == -1.0):
+                plane = _triangle_plane(vertices, corners[i], bits)
+                normals[i], offsets[i], areas[i], errors[i] = _round_plane(plane, *frame)
+        keep = errors >= 0.0
+        n_kept = int(np.count_nonzero(keep))
+        if n_kept == 0:
+            raise MeshError(f"`mesh` must have a facet with positive area; got {n} facets without area")
+        areas = mesh.plane_areas.copy() if mesh.plane_corners is not mesh.faces else areas * scale**2
+        facet_ids = mesh.plane_facets
+        if n_kept < n:
+            normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
+            facet_ids, corners = facet_ids[keep], corners[keep]
+        return cls(
+            *(read_only(a) for a in (normals, offsets, errors, areas, facet_ids)),
+            read_only(origin), scale, n - n_kept, bool(boundary_is_zero(mesh.faces, len(vertices))),
+            vertices, read_only(corners), read_only(np.empty((0, 4))), bits,
+        )  # fmt: skip
+
+    @classmethod
+    def from_planes(
+        cls, normals: ArrayLike, offsets: ArrayLike, *, weights: ArrayLike | None = None
+    ) -> HalfSpaces:
+        """Build half-spaces `n . x <= d` from planes given as numbers; these doubles are exact.
+
+        Parameters
+        ----------
+        normals : (n, 3) array_like
+            Outward normals, of any length but zero.
+        offsets : (n,) array_like
+            Right-hand sides `d`.
+        weights : (n,) array_like, optional
+            Weight of each half-space; 1 by default.
+
+        Returns
+        -------
+        HalfSpaces
+            In the order given; `facet_ids` are 0 .. n - 1.
+
+        Raises
+        ------
+        ValueError
+            If the shapes do not match, a number is not finite, or a normal is zero.
+        """
+        rows = _as_plane_rows(normals, offsets)
+        n = len(rows)
+        if weights is None:
+            weight_array = np.ones(n)
+        else:
+            weight_array = np.array(weights, dtype=np.float64)
+            if weight_array.shape != (n,) or not (np.isfinite(weight_array) & (weight_array >= 0)).all():
+                raise ValueError(f"`weights` must be {n} finite numbers >= 0; got {weights!r}")
+        lengths = np.linalg.norm(rows[:, :3], axis=1)
+        reach = float(np.max(np.abs(rows[:, 3]) / lengths, initial=0.0))
+        empty = np.empty(0)
+        base = cls(
+            np.empty((0, 3)), empty, empty, empty, np.empty(0, np.int64), read_only(np.zeros(3)),
+            _power_of_two(reach), 0, False, np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty((0, 4)), 0,
+        )  # fmt: skip
+        return base._with_rows(rows, np.arange(n), weight_array)
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit outward normals, (n, 3)."""
+        return self.local_normals
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Offsets `d` in world coordinates, (n,): the half-space is `n . x <= d`."""
+        return self.local_offsets * self.scale + self.local_normals @ self.origin
+
+    def __len__(self) -> int:
+        """Return the number of half-spaces."""
+        return len(self.local_offsets)
+
+    def __repr__(self) -> str:
+        """Name the size and what was left out."""
+        return f"HalfSpaces(n={len(self)}, n_degenerate={self.n_degenerate})"
+
+    def select(self, ids: NDArray[Any]) -> HalfSpaces:
+        """Keep the half-spaces `ids` (indices or mask), in that order."""
+        return self._replace_rows(
+            self.local_normals[ids], self.local_offsets[ids], self.local_errors[ids], self.weights[ids],
+            self.facet_ids[ids], self._corners[ids], self._explicit, self._lattice_bits,
+        )  # fmt: skip
+
+    def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
+        """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
+        rows = _as_plane_rows(normals, offsets)
+        return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
+
+    def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map local points to world coordinates."""
+        return local * self.scale + self.origin
+
+    def to_local(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map world points to local coordinates."""
+        return (world - self.origin) / self.scale
+
+    def to_lattice(self, local: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map a local double point to exact lattice coordinates (world times 2**bits)."""
+        factor = Fraction(self.scale) * (1 << self._lattice_bits)
+        shift = 1 << self._lattice_bits
+        x, y, z = (Fraction(float(v)) * factor + Fraction(float(o)) * shift for v, o in zip(local, self.origin, strict=True))
+        return x, y, z
+
+    def from_lattice(self, point: Sequence[Fraction | int]) -> NDArray[np.float64]:
+        """Round an exact lattice point to local coordinates."""
+        shift = 1 << self._lattice_bits
+        inverse = 1 / Fraction(self.scale)
+        return np.array(
+            [float((Fraction(v) / shift - Fraction(float(o))) * inverse) for v, o in zip(point, self.origin, strict=True)]
+        )
+
+    def lattice_to_world(self, point: Sequence[Fraction | int]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map an exact lattice point to exact world coordinates."""
+        shift = 1 << self._lattice_bits
+        x, y, z = (Fraction(v) / shift for v in point)
+        return x, y, z
+
+    def world_to_lattice(self, point: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map an exact world point to exact lattice coordinates."""
+        shift = 1 << self._lattice_bits
+        x, y, z = (Fraction(v) * shift for v in point)
+        return x, y, z
+
+    @property
+    def lattice_unit(self) -> int:
+        """Lattice units per world unit, a power of two."""
+        return 1 << self._lattice_bits
+
+    def integer_planes(self, ids: NDArray[Any] | Sequence[int]) -> list[IntegerPlane]:
+        """Give planes exactly: integers (a, b, c, d) with `(a, b, c) . y <= d` in lattice coordinates y."""
+        planes: list[IntegerPlane] = []
+        for i in ids:
+            row = self._corners[i]
+            if row[0] < 0:
+                planes.append(_explicit_plane(self._explicit[-1 - row[0]], self._lattice_bits))
+            else:
+                a, b, c, d = _triangle_plane(self._vertices, row, self._lattice_bits)
+                planes.append((a, b, c, 0 if self.is_cone else d))
+        return planes
+
+    def recession_cone(self) -> HalfSpaces:
+        """Move all planes through the origin: the directions in which the common part never ends.
+
+        Explicit half-spaces become exact cones too; planes appended later are taken as given.
+        """
+        explicit = self._explicit.copy()
+        explicit[:, 3] = 0.0
+        return HalfSpaces(
+            self.local_normals, read_only(np.zeros(len(self))), self.local_errors, self.weights, self.facet_ids,
+            read_only(np.zeros(3)), 1.0, self.n_degenerate, self.bounds_volume,
+            self._vertices, self._corners, read_only(explicit), self._lattice_bits, True,
+        )  # fmt: skip
+
+    def coplanar_groups(self) -> NDArray[np.int64]:
+        """Name for each half-space the first exactly coplanar one that faces the same way, (n,).
+
+        Facets so thin that their rounded planes differ are left alone, and so are surfaces with
+        coordinates beyond 2**-300 .. 2**300; merging saves work, no answer depends on it.
+        """
+        from voxkernel._loops.coplanar import coplanar_groups
+
+        used = np.abs(self._vertices[self._corners[self._corners[:, 0] >= 0]])
+        if used.size == 0 or used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
+            return np.arange(len(self))
+        # A fixed generic direction in (n, d): coplanar facets have nearly the same key.
+        keys = self.local_normals @ np.array([0.4142135, 0.7320508, -0.2360679]) + 0.6457513 * self.local_offsets
+        order = np.argsort(keys, kind="stable")
+        groups = np.empty(len(self), np.int64)
+        coplanar_groups(
+            self.local_normals, self.local_offsets, self._vertices, self._corners, order, keys[order], 1e-11, groups
+        )
+        # Name each group by its first facet, whatever the order of the keys was.
+        first = np.full(len(self), len(self))
+        np.minimum.at(first, groups, np.arange(len(self)))
+        return first[groups]
+
+    def merged(self) -> HalfSpaces:
+        """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""
+        groups = self.coplanar_groups()
+        heads = np.flatnonzero(groups == np.arange(len(self)))
+        if len(heads) == len(self):
+            return self
+        weights = np.bincount(groups, weights=self.weights, minlength=len(self))[heads]
+        return self._replace_rows(
+            self.local_normals[heads], self.local_offsets[heads], self.local_errors[heads], weights,
+            self.facet_ids[heads], self._corners[heads], self._explicit, self._lattice_bits,
+        )  # fmt: skip
+
+    def corner_ids(self) -> NDArray[np.int64]:
+        """Vertex ids of the corners that define each plane, (n, 3); negative rows are explicit planes."""
+        return self._corners
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """The vertices `corner_ids` refer to, (v, 3), world coordinates."""
+        return self._vertices
+
+    def _with_rows(
+        self, rows: NDArray[np.float64], facet_ids: NDArray[np.int64], weights: NDArray[np.float64]
+    ) -> HalfSpaces:
+        lengths = np.linalg.norm(rows[:, :3], axis=1)
+        unit = rows[:, :3] / lengths[:, None]
+        distance = rows[:, 3] / lengths
+        local = (distance - unit @ self.origin) / self.scale
+        size = (np.abs(distance) + np.linalg.norm(self.origin)) / self.scale
+        errors = _EXPLICIT_ERROR * (1.0 + size)
+        first = len(self._explicit)
+        corners = np.zeros((len(rows), 3), np.int64)
+        corners[:, 0] = -1 - first - np.arange(len(rows))
+        return self._replace_rows(
+            np.concatenate([self.local_normals, unit]), np.concatenate([self.local_offsets, local]),
+            np.concatenate([self.local_errors, errors]), np.concatenate([self.weights, weights]),
+            np.concatenate([self.facet_ids, facet_ids]), np.concatenate([self._corners, corners]),
+            np.concatenate([self._explicit, rows]), max(self._lattice_bits, _lattice_bits(rows)),
+        )  # fmt: skip
+
+    def _replace_rows(
+        self, normals: NDArray[np.float64], offsets: NDArray[np.float64], errors: NDArray[np.float64],
+        weights: NDArray[np.float64], facet_ids: NDArray[np.int64], corners: NDArray[np.int64],
+        explicit: NDArray[np.float64], bits: int,
+    ) -> HalfSpaces:  # fmt: skip
+        return HalfSpaces(
+            *(read_only(np.ascontiguousarray(a)) for a in (normals, offsets, errors, weights, facet_ids)),
+            self.origin, self.scale, self.n_degenerate, self.bounds_volume,
+            self._vertices, read_only(np.ascontiguousarray(corners)), read_only(explicit), bits, self.is_cone,
+        )  # fmt: skip
+
+
+def as_halfspaces(surface: Any, *, facets: Any = None) -> HalfSpaces:
+    """Take half-spaces as they are; make them from anything `as_mesh` takes."""
+    if isinstance(surface, HalfSpaces):
+        return surface if facets is None else surface.select(np.asarray(facets))
+    return HalfSpaces.from_mesh(as_mesh(surface, facets=facets))
+
+
+def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
+    normal_array = as_points("normals", normals)
+    offset_array = np.array(offsets, dtype=np.float64)
+    if offset_array.shape != (len(normal_array),):
+        raise ValueError(f"`offsets` must have shape ({len(normal_array)},); got {offset_array.shape}")
+    if not np.isfinite(offset_array).all():
+        raise ValueError("`offsets` must be finite; got NaN or infinity")
+    zero = np.flatnonzero(~normal_array.any(axis=1))
+    if zero.size:
+        raise ValueError(f"`normals` must not be zero; got a zero normal in row {zero[0]}")
+    return np.column_stack([normal_array, offset_array])
+
+
+def _power_of_two(value: float) -> float:
+    """Choose the smallest power of two that is at least `value`, so that scaling is exact."""
+    if value == 0.0:
+        return 1.0
+    mantissa, exponent = np.frexp(value)
+    return float(np.ldexp(1.0, int(exponent) - (mantissa == 0.5)))
+
+
+def _local_frame(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    origin = low + 0.5 * (high - low)
+    reach = float(np.linalg.norm(np.maximum(high - origin, origin - low)))
+    return origin, _power_of_two(reach * (1 + 1e-12))
+
+
+def _lattice_bits(values: NDArray[np.float64]) -> int:
+    """Find bits so that every value times 2**bits is an integer."""
+    if values.size == 0:
+        return 0
+    magnitudes = np.abs(values)
+    smallest = float(np.min(magnitudes, where=magnitudes > 0, initial=np.inf))
+    if smallest == np.inf:
+        return 0
+    return max(0, 53 - int(np.frexp(smallest)[1]))
+
+
+def _to_integer(value: float, bits: int) -> int:
+    numerator, denominator = value.as_integer_ratio()
+    return (numerator << bits) // denominator
+
+
+def _triangle_plane(vertices: NDArray[np.float64], row: NDArray[np.int64], bits: int) -> IntegerPlane:
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
+        [_to_integer(float(v), bits) for v in vertices[corner]] for corner in row
+    )
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return nx, ny, nz, nx * ax + ny * ay + nz * az
+
+
+def _explicit_plane(row: NDArray[np.float64], bits: int) -> IntegerPlane:
+    extra = max(0, _lattice_bits(row) - bits)
+    a, b, c = (_to_integer(float(v), bits + extra) for v in row[:3])
+    d = _to_integer(float(row[3]), bits + extra)
+    return a, b, c, d << bits
+
+
+def _round_plane(
+    plane: IntegerPlane, origin: NDArray[np.float64], scale: float, bits: int
+) -> tuple[tuple[float, float, float], float, float, float]:
+    """Round an exact plane to a local one; error -2 where the normal is exactly zero."""
+    a, b, c, d = plane
+    square = a * a + b * b + c * c
+    if square == 0:
+        return (0.0, 0.0, 0.0), 0.0, 0.0, -2.0
+    shift = 64
+    length = isqrt(square << (2 * shift))
+    normal = (
+        float(Fraction(a << shift, length)),
+        float(Fraction(b << shift, length)),
+        float(Fraction(c << shift, length)),
+    )
+    ox, oy, oz = (Fraction(float(v)) * (1 << bits) for v in origin)
+    distance = (d - a * ox - b * oy - c * oz) * (1 << shift) / length
+    unit = Fraction(scale) * (1 << bits)
+    area = Fraction(length, 1 << shift) / (2 * unit * unit)
+    return normal, float(distance / unit), float(area), 8 * 2.0**-53
