@@ -86,7 +86,7 @@ def as_integers(
     copy: bool = False,
     error: type[ValueError] = ValueError,
 ) -> NDArray[np.int64]:
-    """C-contiguous int64 array with `ndim` axes (and `columns`); floats and bools are refused, not rounded."""
+    """C-contiguous int64 with `ndim` axes (and `columns`); floats and bools are refused, not rounded."""
     try:
         raw = np.asarray(value)
     except ValueError:

@@ -12,7 +12,7 @@ from voxkernel._checks import read_only
 from voxkernel._polygons import triangle_areas
 from voxkernel._zero_area import exact_integers, is_degenerate
 
-__all__ = ["MeshFacts", "mesh_facts"]
+__all__ = ["HalfEdges", "MeshFacts", "half_edges", "mesh_facts"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -34,7 +34,7 @@ class MeshFacts:
         Two triangles at an edge traverse it in opposite directions (at an edge of more than two, the
         two directions are used equally often, or once more one way where the number is odd).
     is_outward : bool or None
-        The signed volume of *every* connected component is > 0, decided exactly; a cavity, whose
+        The signed volume of *every* part connected by edges is > 0, decided exactly; a cavity, whose
         triangles rightly face inward, therefore gives False. None where the surface is open or not
         oriented.
     degenerate_facets : (k,) int64
@@ -42,7 +42,7 @@ class MeshFacts:
     nonplanar_facets : (k,) int64
         Ids of the polygons that had to be represented by their triangles.
     n_components : int
-        Parts that do not share an edge.
+        Connected parts; parts that touch in a vertex are one.
     euler_characteristic : int
         Used vertices - edges + triangles.
     genus : int or None
@@ -64,8 +64,8 @@ class MeshFacts:
 
     Notes
     -----
-    Triangles that name a vertex twice have no edges to speak of: they are left out of edges, components
-    and the Euler characteristic, and counted among the degenerate facets.
+    A triangle that names a vertex twice is no triangle to topology: it is left out of edges and the Euler
+    characteristic, and counted among the degenerate facets.
     """
 
     n_vertices: int
@@ -99,16 +99,16 @@ class MeshFacts:
         )
 
 
-class _Edges(NamedTuple):
+class HalfEdges(NamedTuple):
     """Half-edges sorted by edge; half-edge h runs from corner h % 3 of triangle h // 3 to the next."""
 
     order: NDArray[np.int64]  # half-edge ids, those of one edge together
     first: NDArray[np.int64]  # (e,) where each edge starts in `order`
-    count: NDArray[np.int64]  # (e,) triangles at each edge
+    n_faces: NDArray[np.int64]  # (e,) triangles at each edge
     forward: NDArray[np.bool_]  # per entry of `order`: from the smaller to the larger vertex id?
 
 
-def _edges(faces: NDArray[np.int64], n_vertices: int) -> _Edges:
+def half_edges(faces: NDArray[np.int64], n_vertices: int) -> HalfEdges:
     """One sort gives every edge fact."""
     tail, head = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
     forward = tail < head
@@ -117,11 +117,11 @@ def _edges(faces: NDArray[np.int64], n_vertices: int) -> _Edges:
     keys = keys[order]
     first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
     count = np.diff(np.append(first, len(keys)))
-    return _Edges(order, first, count, forward[order])
+    return HalfEdges(order, first, count, forward[order])
 
 
-def _face_components(edges: _Edges, n_faces: int) -> tuple[int, NDArray[np.int32]]:
-    """Number of parts that share no edge, and the part of each triangle."""
+def _edge_parts(edges: HalfEdges, n_faces: int) -> tuple[int, NDArray[np.int32]]:
+    """Number of parts that share no edge, and the part of each triangle: each has a volume of its own."""
     linked = np.ones(len(edges.order), dtype=bool)
     linked[edges.first] = False
     to = np.flatnonzero(linked)
@@ -131,10 +131,20 @@ def _face_components(edges: _Edges, n_faces: int) -> tuple[int, NDArray[np.int32
     return int(n), labels
 
 
-def _is_oriented(edges: _Edges) -> bool:
+def _n_components(faces: NDArray[np.int64], used: NDArray[np.bool_]) -> int:
+    """Connected parts of the used vertices."""
+    n = len(used)
+    rows = np.concatenate([faces[:, 0], faces[:, 0]])
+    columns = np.concatenate([faces[:, 1], faces[:, 2]])
+    graph = coo_matrix((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(n, n))
+    parts = int(connected_components(graph, directed=False, return_labels=False))
+    return parts - int(n - used.sum())
+
+
+def _is_oriented(edges: HalfEdges) -> bool:
     """Do the directions balance at every edge that has more than one triangle?"""
     forward = np.add.reduceat(edges.forward.astype(np.int64), edges.first)
-    return bool((np.abs(2 * forward - edges.count) <= np.where(edges.count == 2, 0, edges.count % 2)).all())
+    return bool((np.abs(2 * forward - edges.n_faces) <= edges.n_faces % 2).all())
 
 
 def _loops(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
@@ -177,7 +187,7 @@ def _loops(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[
     return tuple(loops)
 
 
-def _is_vertex_manifold(edges: _Edges, faces: NDArray[np.int64], n_used: int) -> bool:
+def _is_vertex_manifold(edges: HalfEdges, faces: NDArray[np.int64], n_used: int) -> bool:
     """One fan of triangles round every vertex? Corners of a closed surface are linked across edges."""
     left, right = edges.order[edges.first], edges.order[edges.first + 1]
     next_left, next_right = left - left % 3 + (left + 1) % 3, right - right % 3 + (right + 1) % 3
@@ -198,7 +208,7 @@ def _component_signs(
     """Is every part's signed volume > 0? The float sum where it is certain, integers where it is not."""
     sums = np.bincount(labels, weights=six_volumes, minlength=n_parts)
     n_faces = np.bincount(labels, minlength=n_parts)
-    # a term a.(b x c) of rounded coordinates is off by < 32 u of 6 |a| |b| |c|; n terms add n u of their sizes
+    # a term a.(b x c) of rounded coordinates is off by < 32 u of 6 |a| |b| |c|; n terms add n u of their sum
     reach = np.abs(local).max(axis=1)
     sizes = 6.0 * reach[faces[:, 0]] * reach[faces[:, 1]] * reach[faces[:, 2]]
     terms = np.bincount(labels, weights=np.abs(six_volumes), minlength=n_parts)
@@ -266,20 +276,21 @@ def mesh_facts(
     solid = faces if proper.all() else faces[proper]
     on_solid = np.zeros(len(vertices), dtype=bool)
     on_solid[solid.reshape(-1)] = True
-    edges = _edges(solid, len(vertices))
-    border = edges.order[edges.first[edges.count == 1]]
-    n_nonmanifold = int((edges.count > 2).sum())
-    n_parts, labels = _face_components(edges, len(solid))
+    edges = half_edges(solid, len(vertices))
+    border = edges.order[edges.first[edges.n_faces == 1]]
+    n_nonmanifold = int((edges.n_faces > 2).sum())
+    n_components = _n_components(faces, used)
     is_closed = len(border) == 0 and n_nonmanifold == 0
     is_oriented = _is_oriented(edges)
     euler = int(on_solid.sum()) - len(edges.first) + len(solid)
     volume, is_outward, genus = float("nan"), None, None
     if is_closed and is_oriented:
+        n_parts, labels = _edge_parts(edges, len(solid))
         a, b, c = (local[solid[:, k]] for k in range(3))
         six_volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
         volume = float(six_volumes.sum()) / 6.0
         is_outward = _component_signs(vertices, solid, local, six_volumes, n_parts, labels)
-        if n_parts == 1 and _is_vertex_manifold(edges, solid, int(on_solid.sum())):
+        if n_components == 1 and _is_vertex_manifold(edges, solid, int(on_solid.sum())):
             genus = (2 - euler) // 2
     return MeshFacts(
         n_vertices=len(vertices),
@@ -293,7 +304,7 @@ def mesh_facts(
         is_outward=is_outward,
         degenerate_facets=read_only(degenerate),
         nonplanar_facets=nonplanar_facets,
-        n_components=n_parts,
+        n_components=n_components,
         euler_characteristic=euler,
         genus=genus,
         area=area,

@@ -21,7 +21,7 @@ def find_rows(index: Cells, voxels: NDArray[np.integer[Any]]) -> tuple[NDArray[n
     """Row of the leaf (or ``~row`` of the tile) that covers each voxel, and whether there is one."""
     if not len(index.code):
         return np.zeros(len(voxels), np.int64), np.zeros(len(voxels), np.bool_)
-    found = ((voxels >= -REACH) & (voxels < REACH)).all(axis=1)
+    found = np.logical_and.reduce((voxels >= -REACH) & (voxels < REACH), axis=1)
     code = encode(np.where(found[:, None], voxels, 0) >> 3)
     place = np.searchsorted(index.code, code, side="right") - 1
     found &= (place >= 0) & (code <= index.last[place])
@@ -129,8 +129,8 @@ def expanded(
     leaf_ijk, leaf_mask = leaves
     parts: list[NDArray[np.int32]] = []
     is_tile = cells.row < 0
-    breaks = np.flatnonzero(np.diff(is_tile.astype(np.int8), prepend=2 if len(is_tile) else 0))
-    for start, stop in zip(breaks, np.append(breaks[1:], len(is_tile)), strict=True):
+    breaks = np.flatnonzero(np.diff(is_tile.astype(np.int8), prepend=2))
+    for start, stop in zip(breaks, np.append(breaks, len(is_tile))[1:], strict=True):
         rows = cells.row[start:stop]
         if is_tile[start]:
             parts.extend(_tile_voxels(tile_ijk[row], int(tile_log2[row])) for row in ~rows)

@@ -81,7 +81,7 @@ def tiles_of(prefix: str, ijk: object, log2: object) -> tuple[NDArray[np.int32],
     if off_grid.any():
         row = int(off_grid.argmax())
         raise ValueError(
-            f"`{prefix}_ijk` must be multiples of the edge {1 << int(sizes[row])}; got {corners[row].tolist()}"
+            f"`{prefix}_ijk` must be a multiple of {1 << int(sizes[row])}; got {corners[row].tolist()}"
         )
     return corners, sizes
 

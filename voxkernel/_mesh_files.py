@@ -5,6 +5,7 @@ triangles from ``.off`` and no relative indices from ``.obj``; VTK and Open3D ro
 the vertices. PyMeshLab reads everything else.
 """
 
+import importlib
 import io
 import os
 import re
@@ -20,7 +21,7 @@ from voxkernel.errors import MeshReadError
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
 
-_MESHLAB_SUFFIXES = (".3ds", ".3mf", ".ctm", ".dae", ".fbx", ".glb", ".gltf", ".tri", ".vmi", ".wrl", ".x3d", ".x3dv")
+_MESHLAB_SUFFIXES = tuple(".3ds .3mf .ctm .dae .fbx .glb .gltf .tri .vmi .wrl .x3d .x3dv".split())
 
 
 def read_polygons(path: str | os.PathLike[str]) -> Polygons:
@@ -171,14 +172,14 @@ def merge_equal_corners(soup: Polygons) -> Polygons:
 
 def _read_with_pymeshlab(file: Path) -> Polygons:
     """All layers of the file in one surface, each moved by its own matrix."""
-    import pymeshlab
-
+    pymeshlab: Any = importlib.import_module("pymeshlab")
     meshes = pymeshlab.MeshSet()
     try:
         meshes.load_new_mesh(str(file))
     except pymeshlab.PyMeshLabException as error:
         details = str(error).split("Error details:")[-1]
-        raise MeshReadError(f"'{file}' is not a readable {file.suffix.lower()} file: {_one_line(details)}") from error
+        reason = f"is not a readable {file.suffix.lower()} file: {_one_line(details)}"
+        raise MeshReadError(f"'{file}' {reason}") from error
     vertices: list[NDArray[np.float64]] = []
     faces: list[NDArray[np.int64]] = []
     n = 0

@@ -54,4 +54,5 @@ def open3d() -> Any:
             warnings.simplefilter("ignore")
             return importlib.import_module("open3d")
     except OSError as error:
-        raise ImportError(f"open3d cannot be loaded: {error} (`pip install libusb-package` may help)") from error
+        hint = "`pip install libusb-package` may help"
+        raise ImportError(f"open3d cannot be loaded: {error} ({hint})") from error

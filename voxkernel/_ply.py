@@ -51,7 +51,7 @@ class _Element(NamedTuple):
 
 
 def parse_ply(data: bytes) -> Polygons:
-    """Vertices and faces of a PLY file; ValueError says what is wrong with it."""
+    """Vertices and faces of a PLY file (none where it has none); ValueError says what is wrong with it."""
     order, elements, at = _header(data)
     vertices: NDArray[np.float64] | None = None
     faces: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
@@ -60,9 +60,7 @@ def parse_ply(data: bytes) -> Polygons:
         lines = [line for line in data[at:].decode("ascii", "replace").splitlines() if line.strip()]
         at = 0
     for element in elements:
-        wanted = element.name == "vertex" or element.name == "face"
-        if wanted and element.n == 0:
-            raise ValueError(f"no {element.name} elements")
+        wanted = element.name in ("vertex", "face") and element.n > 0
         if order:
             at, columns = _binary(data, at, order, element)
         else:
@@ -70,12 +68,14 @@ def parse_ply(data: bytes) -> Polygons:
                 raise ValueError(f"the file ends before its {element.n} {element.name} elements do")
             columns = _text(lines[at : at + element.n], element) if wanted else []
             at += element.n
+        if not wanted:
+            continue
         if element.name == "vertex":
             picked = [columns[element.find(name)] for name in "xyz"]
             if any(isinstance(column, tuple) for column in picked):
                 raise ValueError("vertex coordinates are lists")
             vertices = np.stack(picked, axis=1).astype(np.float64)  # type: ignore[arg-type]
-        elif element.name == "face":
+        else:
             column = columns[element.find(*_INDEX_NAMES)]
             if not isinstance(column, tuple):
                 raise ValueError("face indices are not a list")
@@ -83,9 +83,11 @@ def parse_ply(data: bytes) -> Polygons:
             if flat.dtype.kind == "f" and (flat != np.trunc(flat)).any():
                 raise ValueError("face indices are not whole numbers")
             faces = flat.astype(np.int64), sizes.astype(np.int64)
-        if vertices is not None and faces is not None:
-            return Polygons(vertices, *faces)
-    raise ValueError("no vertex element" if vertices is None else "no face element")
+    if vertices is None:
+        vertices = np.zeros((0, 3))
+    if faces is None:
+        faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    return Polygons(vertices, *faces)
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
@@ -156,7 +158,7 @@ def _ranges(starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.i
 def _binary(data: bytes, at: int, order: str, element: _Element) -> tuple[int, _Columns]:
     """Columns of a binary element; one structured view where all lists have the sizes of the first row."""
     if element.n == 0:
-        return at, [np.zeros(0) if not p.count_dtype else (np.zeros(0), np.zeros(0)) for p in element.properties]
+        return at, []
     sizes = _row_sizes(data, at, order, element)
     fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = []
     for position, (item, size) in enumerate(zip(element.properties, sizes, strict=True)):
@@ -168,10 +170,11 @@ def _binary(data: bytes, at: int, order: str, element: _Element) -> tuple[int, _
         rows = np.frombuffer(data, dtype=layout, count=element.n, offset=at)
         lists = [position for position, item in enumerate(element.properties) if item.count_dtype]
         if all((rows[f"n{position}"] == sizes[position]).all() for position in lists):
-            columns: _Columns = [
-                (rows[f"v{k}"].reshape(-1), np.full(element.n, sizes[k])) if item.count_dtype else rows[f"v{k}"]
-                for k, item in enumerate(element.properties)
-            ]
+            columns: _Columns = []
+            for k, item in enumerate(element.properties):
+                values = rows[f"v{k}"]
+                is_list = bool(item.count_dtype)
+                columns.append((values.reshape(-1), np.full(element.n, sizes[k])) if is_list else values)
             return at + element.n * layout.itemsize, columns
     if not any(item.count_dtype for item in element.properties):
         raise ValueError(f"the file ends before its {element.n} {element.name} elements do")

@@ -31,7 +31,8 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
         return rows.reshape(-1), np.full(len(rows), rows.shape[1], dtype=np.int64)
     if not isinstance(polygons, Sequence | np.ndarray):
         raise TypeError(
-            f"`polygons` must be a sequence of index sequences or an (m, k) array; got {type(polygons).__name__}"
+            "`polygons` must be a sequence of index sequences or an (m, k) array; "
+            f"got {type(polygons).__name__}"
         )
     try:
         sizes = np.fromiter(map(len, polygons), dtype=np.int64, count=len(polygons))
@@ -86,7 +87,8 @@ def polygon_planes(
     plane_corners[whole], plane_areas[whole] = corners[planar], areas[planar]
     cut = triangles[~planar[facet_ids]]
     plane_corners[~whole], plane_areas[~whole] = cut, triangle_areas(points, cut)
-    return CutPolygons(triangles, facet_ids, plane_corners, plane_facets, plane_areas, np.flatnonzero(~planar))
+    nonplanar = np.flatnonzero(~planar)
+    return CutPolygons(triangles, facet_ids, plane_corners, plane_facets, plane_areas, nonplanar)
 
 
 def _planes(
@@ -137,7 +139,9 @@ def _triangulate(
     return triangles
 
 
-def _ears(local: NDArray[np.float64], newell: NDArray[np.float64], fan: NDArray[np.int64]) -> NDArray[np.int64]:
+def _ears(
+    local: NDArray[np.float64], newell: NDArray[np.float64], fan: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Local corner ids of one polygon's triangles; the fan again where the polygon has no inside."""
     axis = int(np.abs(newell).argmax())
     if newell[axis] == 0.0:
@@ -180,7 +184,8 @@ def _clip_ears(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
 
 def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> Any:
     """Twice the signed area of a, b, c; the last axis holds x and y."""
-    return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    u, v = b - a, c - a
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
 
 
 def _any_inside(flat: NDArray[np.float64], ear: tuple[int, int, int], others: NDArray[np.int64]) -> bool:

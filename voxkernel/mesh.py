@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_facet_ids, as_integers, as_nonnegative, as_points, check_index_range, read_only
+from voxkernel._checks import (
+    as_facet_ids,
+    as_integers,
+    as_nonnegative,
+    as_points,
+    check_index_range,
+    read_only,
+)
 from voxkernel._facts import MeshFacts, mesh_facts
 from voxkernel._polygons import flatten_polygons, polygon_planes, triangle_areas
 from voxkernel._zero_area import has_area

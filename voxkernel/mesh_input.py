@@ -21,9 +21,7 @@ _ACCEPTED = (
 )
 
 
-def as_mesh(
-    mesh: Any, *, facets: ArrayLike | None = None, planarity_rtol: float = 1e-9
-) -> TriangleMesh:
+def as_mesh(mesh: Any, *, facets: ArrayLike | None = None, planarity_rtol: float = 1e-9) -> TriangleMesh:
     """Make a `TriangleMesh` of a file, of arrays, or of another library's mesh.
 
     Parameters
@@ -85,25 +83,25 @@ def _convert(mesh: Any, rtol: float) -> TriangleMesh:
         return _from_file(mesh, rtol)
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         return _from_pair(mesh, rtol)
-    for base in type(mesh).__mro__:
+    given: Any = mesh
+    for base in type(given).__mro__:
         root, name = base.__module__.split(".")[0], base.__name__
         if (root, name) == ("open3d", "TriangleMesh"):
-            tensor = ".t.geometry" in base.__module__ or hasattr(mesh, "vertex")
-            return _from_open3d_tensor(mesh) if tensor else _from_open3d(mesh)
+            tensor = ".t.geometry" in base.__module__ or hasattr(given, "vertex")
+            return _from_open3d_tensor(given) if tensor else _from_open3d(given)
         if (root, name) == ("trimesh", "Trimesh"):
-            return TriangleMesh.from_triangles(mesh.vertices, mesh.faces, source="trimesh.Trimesh")
+            return TriangleMesh.from_triangles(given.vertices, given.faces, source="trimesh.Trimesh")
         if name == "vtkPolyData":
-            return _from_polydata(mesh, rtol)
+            return _from_polydata(given, rtol)
         if (root, name) == ("meshio", "Mesh"):
-            return _from_meshio(mesh, rtol)
-    raise TypeError(f"`mesh` must be {_ACCEPTED}; got {type(mesh).__module__}.{type(mesh).__qualname__}")
+            return _from_meshio(given, rtol)
+    kind = type(given)
+    raise TypeError(f"`mesh` must be {_ACCEPTED}; got {kind.__module__}.{kind.__qualname__}")
 
 
 def _from_file(path: str | os.PathLike[str], rtol: float) -> TriangleMesh:
     content = read_polygons(path)
-    source = os.fspath(path)
-    if not isinstance(source, str):
-        source = os.fsdecode(source)
+    source = os.fsdecode(path)
     name = f"'{source}'"
     if len(content.vertices) == 0:
         raise MeshError(f"{name} must hold vertices; got none")
@@ -151,14 +149,16 @@ def _from_polydata(mesh: Any, rtol: float) -> TriangleMesh:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     if mesh.GetNumberOfStrips():
-        raise MeshError(f"`mesh` must have no triangle strips; got {mesh.GetNumberOfStrips()} (triangulate first)")
+        n = mesh.GetNumberOfStrips()
+        raise MeshError(f"`mesh` must have no triangle strips; got {n} (triangulate first)")
     polys = mesh.GetPolys()
     if mesh.GetNumberOfPoints() == 0 or polys.GetNumberOfCells() == 0:
         raise MeshError(f"`mesh` must have polygons; got {mesh.GetNumberOfPoints()} points without")
     offsets = np.asarray(vtk_to_numpy(polys.GetOffsetsArray()), dtype=np.int64)
     flat = np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64)
     points = np.array(vtk_to_numpy(mesh.GetPoints().GetData()), dtype=np.float64)
-    return _build(Polygons(points, flat, np.diff(offsets)), rtol, f"{type(mesh).__module__.split('.')[0]}.PolyData")
+    source = f"{type(mesh).__module__.split('.')[0]}.{type(mesh).__name__}"
+    return _build(Polygons(points, flat, np.diff(offsets)), rtol, source)
 
 
 def _from_meshio(mesh: Any, rtol: float) -> TriangleMesh:

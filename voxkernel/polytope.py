@@ -22,6 +22,7 @@ from voxkernel.feasibility import Feasibility, find_feasibility
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
+from voxkernel.predicates import touched_and_violated
 
 __all__ = ["KernelPolytope", "exact_kernel", "resolve_surface"]
 
@@ -68,8 +69,12 @@ class KernelPolytope:
         Dimension of the kernel without the domain.
     unclipped_point : (3,) float64 or None
         A point of the kernel without the domain, rounded.
+    unclipped_certificate : Certificate
+        Proof of `unclipped_dimension`.
     max_residual : float
         Largest distance by which a rounded vertex lies outside a half-space, mesh units.
+    volume_bounds : (float, float)
+        Interval around `volume` that covers the rounding of the vertices.
     """
 
     dimension: int
@@ -88,7 +93,9 @@ class KernelPolytope:
     is_bounded: bool
     unclipped_dimension: int
     unclipped_point: NDArray[np.float64] | None
+    unclipped_certificate: Certificate
     max_residual: float
+    volume_bounds: tuple[float, float]
 
     def __repr__(self) -> str:
         """Name dimension, size and volume."""
@@ -218,25 +225,27 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
             -1, read_only(np.empty((0, 3))), (), read_only(np.empty(0, np.int64)), 0.0, 0.0,
             read_only(np.full(3, np.nan)), read_only(np.zeros((3, 3))), read_only(np.full(3, np.nan)), float("nan"),
             _certificate(planes, inside, []), domain, unclipped.dimension >= 0, bounded,
-            unclipped.dimension, unclipped_point, 0.0,
+            unclipped.dimension, unclipped_point, _unclipped_certificate(halfspaces, unclipped), 0.0, (0.0, 0.0),
         )  # fmt: skip
     shape = _solid_shape(planes, inside) if inside.dimension == 3 else None
     if shape is None:
         shape = _rational_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
-    vertices, faces, rows, numbers, deepest, clearance, corners, residual = shape
+    vertices, faces, rows, numbers, deepest, clearance, corners, residual, rounding = shape
     facet_ids = planes.facet_ids[rows]
     is_cut = domain is not None and _is_cut(halfspaces, domain, unclipped, inside, vertices)
     bounded = not is_cut or is_bounded(halfspaces)
     scale = planes.scale
+    certificate = _certificate(planes, inside, corners)
     volume, centroid, inertia, area = numbers
     return KernelPolytope(
         inside.dimension, read_only(planes.to_world(vertices)), tuple(read_only(f) for f in faces),
         read_only(facet_ids), volume * scale**3, area * scale**2, read_only(planes.to_world(centroid)),
         read_only(inertia * scale**5), read_only(planes.to_world(deepest)), clearance * scale,
-        _certificate(planes, inside, corners), domain, is_cut, bounded,
-        unclipped.dimension, unclipped_point, residual * scale,
+        certificate, domain, is_cut, bounded, unclipped.dimension, unclipped_point,
+        certificate if domain is None else _unclipped_certificate(halfspaces, unclipped), residual * scale,
+        (volume * scale**3 * max(0.0, 1.0 - rounding), volume * scale**3 * (1.0 + rounding)),
     )  # fmt: skip
 
 
@@ -257,6 +266,7 @@ _Shape = tuple[
     NDArray[np.float64],
     float,
     list[tuple[Any, Any, Any]],
+    float,
     float,
 ]
 
@@ -299,8 +309,13 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
         planes.local_normals, planes.local_offsets, 0.5 * (low + high), 0.5 * (high - low) * (1 + 1e-9), corners
     )
     faces = np.split(solid.ring, solid.start[1:-1])
+    owner = np.repeat(solid.rows, np.diff(solid.start))
+    on_face = np.abs(np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner])
+    # Moving every plane by the largest misfit changes the volume by less than this share.
+    misfit = max(float(on_face.max()), excess) + 2 * float(near.local_errors[solid.rows].max())
+    rounding = 4.0 * misfit / clearance + 1e-14
     numbers = volume, solid.center + centroid, inertia, area
-    return corners, faces, rows[solid.rows], numbers, deepest, clearance, [], max(0.0, excess)
+    return corners, faces, rows[solid.rows], numbers, deepest, clearance, [], max(0.0, excess), rounding
 
 
 def _exact_distances(planes: HalfSpaces, point: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -347,7 +362,7 @@ def _rational_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     else:
         rings, rows = [], []
     residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
-    return vertices, rings, np.array(rows, np.int64), numbers, deepest, clearance, corners, residual
+    return vertices, rings, np.array(rows, np.int64), numbers, deepest, clearance, corners, residual, 1e-14
 
 
 def _certificate(planes: HalfSpaces, inside: Feasibility, corners: list[tuple[Any, Any, Any]]) -> Certificate:
@@ -367,6 +382,24 @@ def _certificate(planes: HalfSpaces, inside: Feasibility, corners: list[tuple[An
         points = tuple(planes.lattice_to_world(c) for c in chosen)
     kind = "empty" if dimension < 0 else "flat"
     return Certificate(kind, dimension, facet_ids, witness.multipliers, points, planes, witness.ids)
+
+
+def _unclipped_certificate(halfspaces: HalfSpaces, unclipped: Feasibility) -> Certificate:
+    """Prove the dimension without the domain; a flat kernel is cut out in a cube if it is unbounded."""
+    if unclipped.dimension in (-1, 3):
+        return _certificate(halfspaces, unclipped, [])
+    assert unclipped.point is not None
+    corners: list[tuple[Any, Any, Any]] = [unclipped.point]
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    for w in unclipped.directions:  # the point is in the relative interior: go a little way along each direction
+        step = unit / max(map(abs, w))
+        while True:
+            corner = tuple(u + step * v for u, v in zip(unclipped.point, w, strict=True))
+            if not len(touched_and_violated(halfspaces, corner)[1]):
+                break
+            step /= 4096
+        corners.append((corner[0], corner[1], corner[2]))
+    return _certificate(halfspaces, unclipped, corners)
 
 
 def _is_cut(

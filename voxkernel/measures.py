@@ -1,0 +1,225 @@
+"""How star-shaped a surface is: verdict, volume ratio, centre and proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.certificate import Certificate
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh_input import as_mesh
+from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
+
+__all__ = ["Starshapeness", "starshapeness"]
+
+Verdict = Literal["star-shaped", "degenerate", "not star-shaped"]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Starshapeness:
+    """Whether and how much a surface is star-shaped.
+
+    Attributes
+    ----------
+    verdict : {"star-shaped", "degenerate", "not star-shaped"}
+        "degenerate" is a kernel without volume: a point, a segment or a flat polygon. The verdict
+        is about the surface alone, never about the domain.
+    ratio : float
+        Kernel volume over `reference_volume`, in [0, 1]; exactly 1 for convex closed shapes; NaN
+        where the reference volume is not positive.
+    volume, volume_bounds : float and (float, float)
+        Kernel volume, mesh units cubed, inside the domain where there is one.
+    reference : {"enclosed volume", "domain volume"}
+        What the ratio divides by: the enclosed volume of surfaces that bound one, else the domain's.
+    reference_volume : float
+        Mesh units cubed.
+    dimension : int
+        Dimension of the kernel without the domain, -1 to 3.
+    center : (3,) float64 or None
+        Deepest point of the kernel; None when it is empty.
+    clearance : float
+        Distance of the centre from the nearest facet plane; NaN when empty.
+    certificate : Certificate
+        Proof of `dimension`.
+    reason : str
+        Why the surface is not star-shaped; "" when it is.
+    notes : tuple of str
+        What a reader should know about the input, such as facets that point inwards.
+    n_facets, n_degenerate : int
+        Facets in use, and facets without area that were left out.
+    is_closed : bool
+        Whether every edge is traversed equally often in both directions.
+    kernel : KernelPolytope
+        The kernel inside the domain.
+    """
+
+    verdict: Verdict
+    ratio: float
+    volume: float
+    volume_bounds: tuple[float, float]
+    reference: Literal["enclosed volume", "domain volume"]
+    reference_volume: float
+    dimension: int
+    center: NDArray[np.float64] | None
+    clearance: float
+    certificate: Certificate
+    reason: str
+    notes: tuple[str, ...]
+    n_facets: int
+    n_degenerate: int
+    is_closed: bool
+    kernel: KernelPolytope
+
+    def __repr__(self) -> str:
+        """Name verdict, ratio and volume."""
+        return f"Starshapeness({self.verdict!r}, ratio={self.ratio:.6g}, volume={self.volume:.6g})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything but the polytope as plain numbers, ready for JSON; NaN becomes None."""
+        return {
+            "verdict": self.verdict,
+            "ratio": _or_none(self.ratio),
+            "volume": _or_none(self.volume),
+            "volume_bounds": list(self.volume_bounds),
+            "reference": self.reference,
+            "reference_volume": _or_none(self.reference_volume),
+            "dimension": self.dimension,
+            "center": None if self.center is None else self.center.tolist(),
+            "clearance": _or_none(self.clearance),
+            "certificate": self.certificate.to_dict(),
+            "reason": self.reason,
+            "notes": list(self.notes),
+            "n_facets": self.n_facets,
+            "n_degenerate": self.n_degenerate,
+            "is_closed": self.is_closed,
+            "domain": None if self.kernel.domain is None else self.kernel.domain.kind,
+            "cut_by_domain": self.kernel.cut_by_domain,
+            "is_bounded": self.kernel.is_bounded,
+        }
+
+
+def starshapeness(surface: Any, *, facets: Any = None, domain: Any = None) -> Starshapeness:
+    """Classify a surface as star-shaped or not and score it by its kernel's volume.
+
+    Parameters
+    ----------
+    surface : mesh, path or (vertices, faces)
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        Where the kernel's volume is measured; none for surfaces that bound a volume and "ball" for
+        open ones by default.
+
+    Returns
+    -------
+    Starshapeness
+        A surface that is not star-shaped is a result, not an error.
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        As `exact_kernel`.
+
+    Notes
+    -----
+    A surface is star-shaped iff its kernel is not empty [1]_. The verdict is exact for the float64
+    coordinates given and comes with a certificate.
+
+    References
+    ----------
+    .. [1] N. Werghi, "The Discrete Surface Kernel: Framework and Applications", 2008.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> score = voxkernel.starshapeness(tetrahedron)
+    >>> score.verdict, score.ratio
+    ('star-shaped', 1.0)
+    """
+    mesh = as_mesh(surface, facets=facets)
+    halfspaces, region = resolve_surface(mesh, domain=domain)
+    kernel = kernel_of_halfspaces(halfspaces, region)
+    notes = _notes(halfspaces, kernel)
+    certificate, center, clearance = kernel.certificate, kernel.deepest_point, kernel.clearance
+    dimension = kernel.unclipped_dimension
+    if kernel.dimension != dimension:  # the domain changed the answer: the proof is about the surface alone
+        certificate = kernel.unclipped_certificate
+        if kernel.unclipped_point is not None:
+            center = kernel.unclipped_point
+            clearance = max(0.0, float((halfspaces.offsets - halfspaces.normals @ center).min()))
+    closed = halfspaces.bounds_volume
+    # Divergence theorem with the facet planes: exact for closed surfaces up to rounding.
+    enclosed = float(halfspaces.local_offsets @ halfspaces.weights) * halfspaces.scale / 3.0
+    reference_volume = enclosed if closed else (region.volume if region is not None else float("nan"))
+    ratio = kernel.volume / reference_volume if reference_volume > 0 else (0.0 if dimension < 3 else float("nan"))
+    if ratio > 1.0 - 1e-9:
+        ratio = 1.0 if not closed or is_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
+    return Starshapeness(
+        "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
+        ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
+        reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
+        _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
+    )  # fmt: skip
+
+
+def is_convex(mesh: TriangleMesh, halfspaces: HalfSpaces) -> bool:
+    """Whether a closed surface, whose kernel fills its volume up to rounding, is convex; decided exactly.
+
+    Locally convex at every edge, and wound once (the volumes agree), is convex.
+    """
+    from voxkernel._loops.convexity import edges_are_convex
+
+    used = np.abs(mesh.vertices[mesh.faces])
+    if used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
+        return False
+    face_planes = np.arange(len(mesh.faces))
+    if mesh.plane_corners is not mesh.faces:
+        planar = ~np.isin(mesh.facet_ids, mesh.nonplanar_facets)
+        step = np.ones(len(mesh.faces), np.int64)
+        step[1:][planar[1:] & (mesh.facet_ids[1:] == mesh.facet_ids[:-1])] = 0
+        face_planes = np.cumsum(step) - 1
+    one = mesh.faces.ravel()
+    two = mesh.faces[:, [1, 2, 0]].ravel()
+    keys = np.minimum(one, two) * len(mesh.vertices) + np.maximum(one, two)
+    order = np.argsort(keys, kind="stable")
+    return bool(edges_are_convex(mesh.vertices, mesh.faces, face_planes, mesh.plane_corners, order, keys[order]))
+
+
+def _notes(halfspaces: HalfSpaces, kernel: KernelPolytope) -> tuple[str, ...]:
+    notes: list[str] = []
+    if halfspaces.n_degenerate:
+        notes.append(f"{halfspaces.n_degenerate} facets without area left out")
+    if not halfspaces.bounds_volume:
+        notes.append("surface is open or not consistently oriented")
+    elif float(halfspaces.local_offsets @ halfspaces.weights) < 0:
+        notes.append("facets point inwards: the enclosed volume is negative; repair(mesh, orient=True) turns them")
+    if kernel.unclipped_dimension >= 0 and kernel.dimension < kernel.unclipped_dimension:
+        where = "outside" if kernel.dimension < 0 else "on the rim of"
+        notes.append(f"the kernel lies {where} the domain, near {_format(kernel.unclipped_point)}")
+    elif kernel.cut_by_domain:
+        notes.append("the domain cuts the kernel" + ("" if kernel.is_bounded else ", which is unbounded"))
+    return tuple(notes)
+
+
+def _reason(dimension: int, certificate: Certificate) -> str:
+    ids = ", ".join(map(str, certificate.facet_ids))
+    if dimension < 0:
+        return f"no point is on the inner side of facets {ids} at once"
+    if dimension < 3:
+        return f"the kernel is only a {('point', 'segment', 'flat polygon')[dimension]}, held by facets {ids}"
+    return ""
+
+
+def _format(point: NDArray[np.float64] | None) -> str:
+    return "?" if point is None else "(" + ", ".join(f"{v:.4g}" for v in point) + ")"
+
+
+def _or_none(value: float) -> float | None:
+    return value if isfinite(value) else None
