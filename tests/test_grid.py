@@ -182,6 +182,22 @@ def test_queries_agree_with_a_dense_array(seed):
         np.testing.assert_array_equal(grid.active_bbox, [listed.min(axis=0), listed.max(axis=0)])
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_long_lists_are_answered_from_a_table(seed):
+    grid = random_grid(seed, n_cells=40)
+    voxels = np.random.default_rng(seed).integers(LOW - 9, HIGH + 10, (70_000, 3))
+    voxels[:3] = [[2**40, 0, 0], [0, -(2**40), 0], [LOW, LOW, HIGH]]
+    short = np.concatenate([grid.is_active(part) for part in np.array_split(voxels, 7)])
+    assert grid._table is None
+    for dtype in (np.int64, np.int32):
+        chosen = voxels[3:].astype(dtype)
+        np.testing.assert_array_equal(grid.is_active(chosen), short[3:])
+    assert grid._table is not None
+    np.testing.assert_array_equal(grid.is_active(voxels), short)
+    np.testing.assert_array_equal(grid.points_in_grid(voxels + 0.5), short)
+    np.testing.assert_array_equal(grid.is_active(voxels[:100]), short[:100])
+
+
 @given(seeds, seeds)
 def test_set_operations_agree_with_dense_arrays(seed_a, seed_b):
     a, b = random_grid(seed_a), random_grid(seed_b)
@@ -570,7 +586,7 @@ def test_wrong_queries_are_named():
 
 def test_the_grid_imports_numpy_only_and_no_geometry():
     package = Path(grid_module.__file__).parent
-    for name in ("grid", "_cells", "_morton", "_leaf_bits", "_grid_build", "_grid_checks"):
+    for name in ("grid", "_cells", "_morton", "_leaf_bits", "_grid_build", "_grid_checks", "_grid_query"):
         for node in ast.walk(ast.parse((package / f"{name}.py").read_text())):
             if isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= {"numpy"}

@@ -7,25 +7,14 @@ from numpy.typing import NDArray
 
 from voxkernel._cells import Body, Cells
 from voxkernel._leaf_bits import pack, unpack
-from voxkernel._morton import REACH, encode
+from voxkernel._morton import encode
 
-__all__ = ["Leaves", "blocks_from_dense", "dense_from_body", "expanded", "find_rows", "leaves_from_voxels"]
+__all__ = ["Leaves", "blocks_from_dense", "dense_from_body", "expanded", "leaves_from_voxels"]
 
 Leaves = tuple[NDArray[np.int64], NDArray[np.uint64], NDArray[np.float32] | None]
 """Sorted codes (n,), masks (n, 8) and values (n, 512) or None."""
 
 _LEAF_CHUNK = 1 << 14  # leaves unpacked at a time: 8 MB of voxels
-
-
-def find_rows(index: Cells, voxels: NDArray[np.integer[Any]]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Row of the leaf (or ``~row`` of the tile) that covers each voxel, and whether there is one."""
-    if not len(index.code):
-        return np.zeros(len(voxels), np.int64), np.zeros(len(voxels), np.bool_)
-    found = np.logical_and.reduce((voxels >= -REACH) & (voxels < REACH), axis=1)
-    code = encode(np.where(found[:, None], voxels, 0) >> 3)
-    place = np.searchsorted(index.code, code, side="right") - 1
-    found &= (place >= 0) & (code <= index.last[place])
-    return index.row[place], found
 
 
 def leaves_from_voxels(

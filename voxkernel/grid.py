@@ -10,7 +10,7 @@ Conventions, said once for the whole library:
   aligned to its size, all of them active and of one value.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self, cast
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel import _cells
 from voxkernel._cells import Body, Cells
 from voxkernel._checks import as_choice, as_points, read_only
-from voxkernel._grid_build import blocks_from_dense, dense_from_body, expanded, find_rows, leaves_from_voxels
+from voxkernel._grid_build import blocks_from_dense, dense_from_body, expanded, leaves_from_voxels
 from voxkernel._grid_checks import (
     array_of,
     check_overlap,
@@ -32,8 +32,9 @@ from voxkernel._grid_checks import (
     linear_of,
     tiles_of,
 )
+from voxkernel._grid_query import MAX_TABLE, ActiveTable, find_rows
 from voxkernel._leaf_bits import bit_bounds, popcount
-from voxkernel._morton import REACH, decode, encode
+from voxkernel._morton import REACH, decode, encode, last_of
 
 __all__ = ["SparseGrid"]
 
@@ -132,6 +133,7 @@ class SparseGrid:
     inactive_values: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, dtype=np.float32))
     _body: Body = field(init=False)
     _index: Cells | None = field(init=False, default=None)
+    _table: ActiveTable | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         """Check everything once and bring cells into Morton order."""
@@ -168,6 +170,7 @@ class SparseGrid:
             _set(self, name, getattr(body, name))
         _set(self, "_body", body)
         _set(self, "_index", None)
+        _set(self, "_table", None)
 
     def _check_inactive(self, index: Cells) -> None:
         """Inactive tiles overlap nothing and make sense only beside values."""
@@ -544,7 +547,8 @@ class SparseGrid:
 
         Notes
         -----
-        O(n log c) for c tiles and leaves; no Python loop over voxels.
+        O(n log c) for c tiles and leaves. A long list about a compact grid is answered from a table of its
+        8^3 blocks, made once: at most 16 MB, and never longer than the list.
 
         Examples
         --------
@@ -553,13 +557,21 @@ class SparseGrid:
         """
         voxels = integers("ijk", ijk)
         active = np.empty(len(voxels), dtype=np.bool_)
+        query = self._query_for(len(voxels))
         for start in range(0, len(voxels), _QUERY_CHUNK):
-            chunk = voxels[start : start + _QUERY_CHUNK]
-            active[start : start + _QUERY_CHUNK] = self._is_active(chunk)
+            active[start : start + _QUERY_CHUNK] = query(voxels[start : start + _QUERY_CHUNK])
         return active
 
+    def _query_for(self, n_voxels: int) -> Callable[[NDArray[np.integer]], NDArray[np.bool_]]:
+        """The faster way to ask about this many voxels: a table pays off unless it is longer than the list."""
+        if self._table is None and n_voxels >= 1 << 16:
+            index = self._cells()
+            if 0 < ActiveTable.size_of(index.code, index.last) <= min(n_voxels, MAX_TABLE):
+                _set(self, "_table", ActiveTable.build(*index, self.leaf_mask))
+        return self._is_active if self._table is None else self._table.is_active
+
     def _is_active(self, voxels: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """One block of `is_active`."""
+        """One block of `is_active`, by search."""
         rows, found = self._rows(voxels)
         is_leaf = found & (rows >= 0)
         at = voxels[is_leaf]
@@ -570,7 +582,9 @@ class SparseGrid:
 
     def _rows(self, voxels: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Row of the leaf (or ``~row`` of the tile) that covers each voxel, and whether there is one."""
-        return find_rows(self._cells(), voxels)
+        index = self._cells()
+        place, found = find_rows(index.code, index.last, voxels)
+        return (index.row[place] if len(index.row) else place), found
 
     def values_at(self, ijk: ArrayLike) -> NDArray[np.float32]:
         """Values of voxels, active or not.
@@ -606,16 +620,9 @@ class SparseGrid:
         values[is_leaf] = self.leaf_values[rows[is_leaf], at[:, 0] * 64 + at[:, 1] * 8 + at[:, 2]]
         values[is_tile] = self.tile_values[~rows[is_tile]]
         if len(self.inactive_log2):
-            off = Body(
-                encode(self.inactive_ijk >> 3),
-                self.inactive_log2,
-                None,
-                np.zeros(0, np.int64),
-                self.leaf_mask[:0],
-                None,
-            )
-            rows, found = find_rows(_cells.cells_of(off), voxels)
-            values[found] = self.inactive_values[~rows[found]]
+            code = encode(self.inactive_ijk >> 3)
+            place, found = find_rows(code, last_of(code, self.inactive_log2 - 3), voxels)
+            values[found] = self.inactive_values[place[found]]
         return values
 
     def to_ijk(self, *, max_voxels: int = 50_000_000) -> NDArray[np.int32]:
@@ -787,8 +794,15 @@ class SparseGrid:
         >>> SparseGrid.from_ijk([[0, 0, 0]], voxel_size=0.5).points_in_grid([[0.4, 0, 0], [0.5, 0, 0]])
         array([ True, False])
         """
-        cells = np.floor((as_points("xyz", xyz) - self.origin) @ np.linalg.inv(self.linear).T)
-        return self.is_active(np.clip(cells, -REACH - 1, REACH).astype(np.int64))
+        points = as_points("xyz", xyz)
+        to_cells = np.linalg.inv(self.linear).T
+        query = self._query_for(len(points))
+        active = np.empty(len(points), dtype=np.bool_)
+        for start in range(0, len(points), _QUERY_CHUNK):
+            cells = np.floor((points[start : start + _QUERY_CHUNK] - self.origin) @ to_cells)
+            np.clip(cells, -REACH - 1, REACH, out=cells)
+            active[start : start + _QUERY_CHUNK] = query(cells.astype(np.int64))
+        return active
 
     # -- set operations ----------------------------------------------------------------------------
 

@@ -1,0 +1,347 @@
+"""Half-spaces to a multi-resolution voxel grid of the kernel: `voxel_kernel`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_depth, as_points, as_positive, read_only
+from voxkernel.domain import Domain, surface_frame
+from voxkernel.grid import SparseGrid
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh_input import as_mesh
+from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
+
+__all__ = ["KernelGrid", "RootCube", "root_cube", "voxel_kernel"]
+
+DEFAULT_DEPTH = 7
+_MIN_DEPTH, _MAX_DEPTH = 3, 20
+_RTOL_MAX_DEPTH = 12
+_UNIT = 2.0**-53
+
+Frame = Literal["world", "principal"]
+
+
+@dataclass(frozen=True, slots=True)
+class RootCube:
+    """The cube an octree divides: lower corner and edge in world units, rows of `axes` are its directions."""
+
+    corner: NDArray[np.float64]
+    edge: float
+    axes: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class KernelGrid:
+    """A kernel as a sparse voxel grid: voxels certainly inside, and voxels that are undecided.
+
+    Everything else is certainly outside. Inside voxels lie wholly in the kernel; the kernel lies wholly in
+    inside and boundary voxels together; both hold in exact arithmetic on the input doubles.
+
+    Attributes
+    ----------
+    inside, boundary : SparseGrid
+        The two sets of voxels; they share their leaves and their transform.
+    depth : int
+        The root cube has 2**depth voxels an edge.
+    volume_bounds : (float, float)
+        The kernel's volume lies between them, mesh units cubed.
+    dimension : int
+        Dimension of the exact kernel inside the domain, -1 to 3.
+    domain : Domain or None
+        Where the kernel was looked for.
+    reason : str
+        Why the grid is empty or coarser than asked; "" otherwise.
+
+    Notes
+    -----
+    `origin` is the lower corner of voxel (0, 0, 0); a voxel centre is
+    `origin + (ijk + 0.5) * voxel_size` along the grid axes.
+    """
+
+    inside: SparseGrid
+    boundary: SparseGrid
+    depth: int
+    volume_bounds: tuple[float, float]
+    dimension: int
+    domain: Domain | None
+    reason: str
+
+    def __repr__(self) -> str:
+        """Name depth, voxel counts and volume bounds."""
+        low, high = self.volume_bounds
+        return (
+            f"KernelGrid(depth={self.depth}, voxel_size={self.voxel_size:.6g}, "
+            f"active_voxel_count={self.active_voxel_count}, volume_bounds=({low:.6g}, {high:.6g}))"
+        )
+
+    @property
+    def tile_ijk(self) -> NDArray[np.int32]:
+        """Lower corners of the tiles inside the kernel, (T, 3), in voxels."""
+        return self.inside.tile_ijk
+
+    @property
+    def tile_log2(self) -> NDArray[np.int8]:
+        """Edge of each tile is 2**tile_log2 voxels, (T,)."""
+        return self.inside.tile_log2
+
+    @property
+    def leaf_ijk(self) -> NDArray[np.int32]:
+        """Lower corners of the 8^3 leaves, (L, 3), multiples of 8."""
+        return self.inside.leaf_ijk
+
+    @property
+    def leaf_inside(self) -> NDArray[np.uint64]:
+        """Voxels inside the kernel, (L, 8): word = x, bit = y*8 + z."""
+        return self.inside.leaf_mask
+
+    @property
+    def leaf_boundary(self) -> NDArray[np.uint64]:
+        """Undecided voxels, (L, 8), same layout."""
+        return self.boundary.leaf_mask
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """World position of the lower corner of voxel (0, 0, 0), (3,)."""
+        return self.inside.origin
+
+    @property
+    def voxel_size(self) -> float:
+        """Edge of a voxel, mesh units."""
+        return self.inside.voxel_size
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """Unit directions of the grid axes as rows, (3, 3)."""
+        return self.inside.linear.T / self.voxel_size
+
+    @property
+    def volume(self) -> float:
+        """Estimate of the kernel's volume: the middle of `volume_bounds`."""
+        return 0.5 * (self.volume_bounds[0] + self.volume_bounds[1])
+
+    @property
+    def active_voxel_count(self) -> int:
+        """Number of voxels inside the kernel."""
+        return self.inside.active_voxel_count
+
+    @property
+    def active_bbox(self) -> NDArray[np.int64] | None:
+        """Smallest and largest ijk of the voxels inside the kernel, (2, 3); None when there is none."""
+        return self.inside.active_bbox
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of tiles and masks in bytes; the leaf corners are shared and count once."""
+        arrays = (self.tile_ijk, self.tile_log2, self.leaf_ijk, self.leaf_inside, self.leaf_boundary)
+        return sum(a.nbytes for a in arrays)
+
+    def index_to_world(self, ijk: ArrayLike) -> NDArray[np.float64]:
+        """Map voxel indices (n, 3) to the world positions of their centres."""
+        return self.inside.index_to_world(ijk)
+
+    def world_to_index(self, xyz: ArrayLike) -> NDArray[np.float64]:
+        """Map world positions (n, 3) to continuous voxel indices; a voxel centre has integer ones."""
+        return self.inside.world_to_index(xyz)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.int8]:
+        """Classify points.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            World coordinates.
+
+        Returns
+        -------
+        (n,) int8
+            1 inside, -1 outside, 0 undecided. A point within rounding of a voxel face may be given
+            the answer of either voxel.
+        """
+        xyz = as_points("points", points)
+        answer = np.full(len(xyz), -1, np.int8)
+        answer[self.boundary.points_in_grid(xyz)] = 0
+        answer[self.inside.points_in_grid(xyz)] = 1
+        return answer
+
+    def to_points(self, *, which: Literal["inside", "boundary"] = "inside", max_voxels: int = 50_000_000) -> NDArray[np.float64]:
+        """Give the centres of the inside or of the undecided voxels, (n, 3), world coordinates."""
+        grid = self.inside if which == "inside" else self.boundary
+        return grid.index_to_world(grid.to_ijk(max_voxels=max_voxels))
+
+    def to_mesh(self) -> TriangleMesh:
+        """Give the faces between inside voxels and the rest as triangles.
+
+        Raises
+        ------
+        MeshError
+            If no voxel is inside.
+        """
+        from voxkernel.grid_export import to_surface
+
+        return TriangleMesh.from_triangles(*to_surface(self.inside), source="kernel grid")
+
+
+def voxel_kernel(
+    surface: Any,
+    *,
+    depth: int | None = None,
+    voxel_size: float | None = None,
+    rtol: float | None = None,
+    domain: Any = None,
+    frame: Frame = "world",
+    facets: Any = None,
+) -> KernelGrid:
+    """Compute the kernel of a surface as a sparse voxel grid with certain volume bounds.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    depth : int, optional
+        2**depth voxels along the root cube, which is the bounding cube of the surface or of the domain;
+        3 to 20, 7 by default.
+    voxel_size : float, optional
+        Edge of a voxel, mesh units, instead of `depth`.
+    rtol : float, optional
+        Refine until the volume bounds differ by at most this share of the upper one, instead of
+        `depth`; the root cube is then the bounding cube of the kernel. At most depth 12.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        As for `exact_kernel`.
+    frame : {"world", "principal"}
+        Grid axes: the world's, or the principal axes of the surface, so that the grid moves with it.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+
+    Returns
+    -------
+    KernelGrid
+        Empty when the kernel is empty.
+
+    Raises
+    ------
+    ValueError
+        If more than one of `depth`, `voxel_size` and `rtol` is given, or one is out of range.
+    MeshError, MeshReadError, TypeError
+        If the surface cannot be used.
+
+    Notes
+    -----
+    A cell carries the half-spaces that are undecided on it; a cell outside one of them is dropped, a cell
+    inside all of them becomes a tile, the rest is split. The cost grows with the surface of the
+    kernel, 4x per level, not with the volume of the grid.
+
+    References
+    ----------
+    .. [1] N. Werghi, "The Discrete Surface Kernel: Framework and Applications", 2008, section 3.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> grid = voxkernel.voxel_kernel(tetrahedron, depth=6)
+    >>> low, high = grid.volume_bounds
+    >>> low < 1 / 6 < high
+    True
+    """
+    if sum(v is not None for v in (depth, voxel_size, rtol)) > 1:
+        raise ValueError("`depth`, `voxel_size` and `rtol` must not be given together; got more than one")
+    if frame not in ("world", "principal"):
+        raise ValueError(f"`frame` must be 'world' or 'principal'; got {frame!r}")
+    mesh = None if isinstance(surface, HalfSpaces) else as_mesh(surface, facets=facets)
+    if mesh is None and frame == "principal":
+        raise ValueError("`frame` must be 'world' for half-spaces; got 'principal'")
+    halfspaces, region = resolve_surface(surface if mesh is None else mesh, domain=domain, facets=facets if mesh is None else None)
+    kernel = kernel_of_halfspaces(halfspaces, region)
+    axes = np.eye(3) if frame == "world" or mesh is None else surface_frame(mesh)[1]
+    planes = halfspaces if region is None else halfspaces.with_planes(region.normals, region.offsets)
+    planes = planes.merged()
+    if rtol is not None:
+        return _refined(planes, kernel, axes, as_positive("rtol", rtol))
+    corners = kernel.vertices if mesh is None else mesh.vertices[np.unique(mesh.faces)]
+    cube, levels = root_cube(corners if region is None else region.vertices, axes, depth=depth, voxel_size=voxel_size)
+    return _grid(planes, kernel, cube, levels)
+
+
+def root_cube(
+    corners: NDArray[np.float64], axes: NDArray[np.float64], *, depth: int | None = None, voxel_size: float | None = None
+) -> tuple[RootCube, int]:
+    """Place the root cube around points and choose its depth from whichever of the two is given."""
+    along = corners @ axes.T if len(corners) else np.zeros((1, 3))
+    low, high = along.min(axis=0), along.max(axis=0)
+    middle = 0.5 * (low + high)
+    edge = float((high - low).max()) * (1 + 1e-9) or 1.0
+    if voxel_size is None:
+        levels = DEFAULT_DEPTH if depth is None else as_depth("depth", depth, _MIN_DEPTH, _MAX_DEPTH)
+    else:
+        size = as_positive("voxel_size", voxel_size)
+        levels = max(_MIN_DEPTH, int(np.ceil(np.log2(edge / size))))
+        if levels > _MAX_DEPTH:
+            raise ValueError(f"`voxel_size` must be at least {edge / 2**_MAX_DEPTH:.6g} for this surface; got {size}")
+        edge = size * 2**levels
+    return RootCube(read_only((middle - 0.5 * edge) @ axes), edge, axes), levels
+
+
+def cube_planes(
+    planes: HalfSpaces, cube: RootCube, depth: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Express half-spaces in the unit cube: normals, offsets, |a|_1 and the pad that covers all rounding.
+
+    The pad adds the bound of the plane itself, the change of coordinates, and the sums made while
+    descending; each is a few units in the last place of numbers of the size of the cube.
+    """
+    scale = planes.scale / cube.edge
+    normals = planes.local_normals @ cube.axes.T
+    shift = (planes.origin - cube.corner) / cube.edge
+    along = shift @ cube.axes.T
+    offsets = planes.local_offsets * scale + normals @ along
+    far = float(np.linalg.norm(along)) + 2.0
+    pads = planes.local_errors * (far + scale) + _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
+    return normals, offsets, np.abs(normals).sum(axis=1), pads
+
+
+def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
+    """Run the octree and wrap its arrays."""
+    from voxkernel._loops.octree import exact_cells
+
+    volume = (cube.edge / 2**depth) ** 3
+    if kernel.dimension < 0:
+        nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
+        masks = np.empty((0, 8), np.uint64), np.empty((0, 8), np.uint64)
+        return _wrap(kernel, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
+    *arrays, n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, depth), depth, False)
+    bounds = n_inside * volume * (1 - 1e-14), (n_inside + n_boundary) * volume * (1 + 1e-14)
+    return _wrap(kernel, cube, depth, tuple(arrays), bounds, reason)
+
+
+def _wrap(
+    kernel: KernelPolytope, cube: RootCube, depth: int, arrays: tuple[Any, ...], bounds: tuple[float, float], reason: str
+) -> KernelGrid:
+    tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary = arrays
+    frame = {"origin": cube.corner, "linear": cube.axes.T * (cube.edge / 2**depth)}
+    inside = SparseGrid.from_tiles_and_leaves(tile_ijk, tile_log2, leaf_ijk, leaf_inside, name="inside", **frame)
+    boundary = SparseGrid.from_tiles_and_leaves(
+        np.empty((0, 3), np.int32), np.empty(0, np.int8), inside.leaf_ijk, leaf_boundary, name="boundary", **frame
+    )
+    return KernelGrid(inside, boundary, depth, bounds, kernel.dimension, kernel.domain, reason)
+
+
+def _refined(planes: HalfSpaces, kernel: KernelPolytope, axes: NDArray[np.float64], rtol: float) -> KernelGrid:
+    """Deepen until the bounds agree; the voxels are counted first and stored once."""
+    from voxkernel._loops.octree import exact_cells
+
+    cube, _ = root_cube(kernel.vertices, axes)
+    if kernel.dimension < 3:
+        reason = "" if kernel.dimension < 0 else "a kernel without volume has no relative accuracy"
+        return _grid(planes, kernel, cube, DEFAULT_DEPTH, reason)
+    levels = _MIN_DEPTH
+    for levels in range(_MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
+        n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, levels), levels, True)[5:]
+        if n_boundary <= rtol * (n_inside + n_boundary):
+            return _grid(planes, kernel, cube, levels)
+    share = n_boundary / (n_inside + n_boundary)
+    return _grid(planes, kernel, cube, levels, f"the bounds still differ by {share:.2g} at depth {levels}, the largest for `rtol`")
