@@ -417,8 +417,8 @@ def lattice(lower: Sequence[float], upper: Sequence[float], n: int) -> NDArray[n
 
 
 def sample_points(corners: Sequence[Point], rng: np.random.Generator, n: int) -> Iterator[Point]:
-    """Random rational convex combinations of the corners."""
-    for _ in range(n):
+    """Random rational convex combinations of the corners; none when there are none."""
+    for _ in range(n if corners else 0):
         weights = [int(w) for w in rng.integers(0, 100, len(corners))]
         total = sum(weights) or 1
         weights[0] += sum(weights) == 0

@@ -101,7 +101,7 @@ def _voronoi(path):
     """Read a .hedra file: vertices, and cells as outward polygons.
 
     Lines are vertices, then polygons (count, 1-based vertex numbers), then cells (count, 1-based polygon
-    numbers). The sign of a polygon number does not say which way round it is: taken so, 8 of 2162 cells close.
+    numbers). The sign of such a number does not say which way round it is: taken so, 8 of 2162 cells close.
     """
     with path.open() as lines:
         n_vertices, n_faces, n_cells = map(int, next(lines).split())

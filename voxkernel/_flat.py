@@ -83,19 +83,15 @@ def _lift(z: tuple[Fraction, ...], inside: Feasibility) -> RationalPoint:
 
 def _cutting_rows(planes: HalfSpaces, corners: list[RationalPoint]) -> NDArray[np.int64]:
     """List half-spaces that some corner violates, exactly; the worst few per round."""
-    from voxkernel._loops.linear_program import not_redundant
-
     local = np.array([planes.from_lattice(c) for c in corners])
     low, high = local.min(axis=0), local.max(axis=0)
-    pad = 4 * 2.0**-53 * (1 + np.abs(local).max())
-    keep = np.empty(len(planes), np.int64)
-    count = not_redundant(
-        planes.local_normals, planes.local_offsets - 4 * pad, planes.local_errors,
-        0.5 * (low + high), 0.5 * (high - low) + pad, local, keep,
-    )  # fmt: skip
-    ids = keep[:count]
+    center, half = 0.5 * (low + high), 0.5 * (high - low)
+    error = planes.local_errors * (np.abs(local).max() * 2 + 1) + 16 * 2.0**-53 * (1 + np.abs(local).max())
+    support = planes.local_normals @ center + np.abs(planes.local_normals) @ half
+    ids = np.flatnonzero(support - planes.local_offsets >= -error)
     excess = (planes.local_normals[ids] @ local.T).max(axis=1) - planes.local_offsets[ids]
     cutting: list[int] = []
+    ids, excess = ids[excess >= -error[ids]], excess[excess >= -error[ids]]
     for i in ids[np.argsort(-excess, kind="stable")]:
         if any(exact_slacks(planes, [i], c)[0] < 0 for c in corners):
             cutting.append(int(i))

@@ -112,22 +112,22 @@ def relevant_rows(
     outer = polyhedron_around(planes.select(tight), point)
     if outer is None:
         return np.arange(n), 1
-    return np.union1d(rows_reaching(planes, outer), tight[outer.rows]), 2
+    return np.union1d(rows_reaching(planes, outer)[0], tight[outer.rows]), 2
 
 
-def rows_reaching(planes: HalfSpaces, outer: Polyhedron) -> NDArray[np.int64]:
-    """List the half-spaces not certainly clear of the corners of a polyhedron (padded for rounding)."""
-    from voxkernel._loops.linear_program import not_redundant
+def rows_reaching(planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9) -> tuple[NDArray[np.int64], float]:
+    """List the half-spaces not clear of a polyhedron by `pad` times its size, and the largest excess n . v - d."""
+    from voxkernel._loops.polyhedron import neighbours, planes_reaching
 
-    # The corners come from Qhull; pushing them out by 1e-9 of the size covers their rounding.
-    corners = outer.center + outer.vertices * (1.0 + 1e-9)
+    corners = solid.center + solid.vertices
     low, high = corners.min(axis=0), corners.max(axis=0)
+    first, joined = neighbours(solid.start, solid.ring, len(corners))
     keep = np.empty(len(planes), np.int64)
-    count = not_redundant(
-        planes.local_normals, planes.local_offsets, planes.local_errors,
-        0.5 * (low + high), 0.5 * (high - low), corners, keep,
+    count, worst = planes_reaching(
+        planes.local_normals, planes.local_offsets, planes.local_errors, corners, first, joined,
+        0.5 * (low + high), 0.5 * (high - low), pad * solid.extent, keep,
     )  # fmt: skip
-    return keep[:count]
+    return keep[:count], worst
 
 
 def polyhedron_moments(

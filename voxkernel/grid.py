@@ -563,7 +563,7 @@ class SparseGrid:
         return active
 
     def _query_for(self, n_voxels: int) -> Callable[[NDArray[np.integer]], NDArray[np.bool_]]:
-        """The faster way to ask about this many voxels: a table pays off unless it is longer than the list."""
+        """The faster way to ask about this many voxels: a table unless it is longer than the list."""
         if self._table is None and n_voxels >= 1 << 16:
             index = self._cells()
             if 0 < ActiveTable.size_of(index.code, index.last) <= min(n_voxels, MAX_TABLE):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel._exact_program import as_integers, deepest_rational_point, rank_of
 from voxkernel._flat import rational_kernel, rational_moments
-from voxkernel._solid import polyhedron_around, polyhedron_moments, relevant_rows
+from voxkernel._solid import polyhedron_around, polyhedron_moments, relevant_rows, rows_reaching
 from voxkernel.certificate import Certificate
 from voxkernel.domain import Domain, as_domain, ball_domain
 from voxkernel.errors import MeshError
@@ -42,9 +42,9 @@ class KernelPolytope:
         -1 empty, 0 point, 1 segment, 2 flat polygon, 3 solid; exact for the doubles given.
     vertices : (k, 3) float64
         Corners, world coordinates, rounded; (0, 3) when empty.
-    faces : tuple of (j,) int64 arrays
-        Polygons of vertex ids, counter-clockwise seen from outside. A flat kernel has one polygon; a
-        segment and a point have none.
+    face_starts, face_vertices : (f + 1,) and (j,) int64
+        Polygon i is `face_vertices[face_starts[i]:face_starts[i + 1]]`, vertex ids counter-clockwise
+        seen from outside. A flat kernel has one polygon; a segment and a point have none.
     face_facets : (f,) int64
         The input facet that made each face; -1 - j for plane j of the domain.
     volume, area : float
@@ -79,7 +79,8 @@ class KernelPolytope:
 
     dimension: int
     vertices: NDArray[np.float64]
-    faces: tuple[NDArray[np.int64], ...]
+    face_starts: NDArray[np.int64]
+    face_vertices: NDArray[np.int64]
     face_facets: NDArray[np.int64]
     volume: float
     area: float
@@ -101,8 +102,14 @@ class KernelPolytope:
         """Name dimension, size and volume."""
         return (
             f"KernelPolytope(dimension={self.dimension}, vertices={len(self.vertices)}, "
-            f"faces={len(self.faces)}, volume={self.volume:.6g})"
+            f"faces={len(self.face_facets)}, volume={self.volume:.6g})"
         )
+
+    @property
+    def faces(self) -> tuple[NDArray[np.int64], ...]:
+        """The polygons as a tuple of vertex id arrays."""
+        bounds = self.face_starts.tolist()
+        return tuple(self.face_vertices[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True))
 
     @property
     def is_empty(self) -> bool:
@@ -122,7 +129,7 @@ class KernelPolytope:
         MeshError
             If the kernel has no faces: it is empty, a point or a segment.
         """
-        if not self.faces:
+        if not len(self.face_facets):
             raise MeshError(f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}")
         return TriangleMesh.from_polygons(self.vertices, [list(map(int, f)) for f in self.faces], source="kernel")
 
@@ -222,7 +229,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     if inside.dimension < 0:
         bounded = unclipped.dimension < 0 or is_bounded(halfspaces)
         return KernelPolytope(
-            -1, read_only(np.empty((0, 3))), (), read_only(np.empty(0, np.int64)), 0.0, 0.0,
+            -1, read_only(np.empty((0, 3))), *(read_only(np.zeros(k, np.int64)) for k in (1, 0, 0)), 0.0, 0.0,
             read_only(np.full(3, np.nan)), read_only(np.zeros((3, 3))), read_only(np.full(3, np.nan)), float("nan"),
             _certificate(planes, inside, []), domain, unclipped.dimension >= 0, bounded,
             unclipped.dimension, unclipped_point, _unclipped_certificate(halfspaces, unclipped), 0.0, (0.0, 0.0),
@@ -232,7 +239,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
         shape = _rational_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
-    vertices, faces, rows, numbers, deepest, clearance, corners, residual, rounding = shape
+    vertices, starts, ring, rows, numbers, deepest, clearance, corners, residual, rounding = shape
     facet_ids = planes.facet_ids[rows]
     is_cut = domain is not None and _is_cut(halfspaces, domain, unclipped, inside, vertices)
     bounded = not is_cut or is_bounded(halfspaces)
@@ -240,7 +247,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     certificate = _certificate(planes, inside, corners)
     volume, centroid, inertia, area = numbers
     return KernelPolytope(
-        inside.dimension, read_only(planes.to_world(vertices)), tuple(read_only(f) for f in faces),
+        inside.dimension, read_only(planes.to_world(vertices)), read_only(starts), read_only(ring),
         read_only(facet_ids), volume * scale**3, area * scale**2, read_only(planes.to_world(centroid)),
         read_only(inertia * scale**5), read_only(planes.to_world(deepest)), clearance * scale,
         certificate, domain, is_cut, bounded, unclipped.dimension, unclipped_point,
@@ -260,7 +267,8 @@ def is_bounded(halfspaces: HalfSpaces) -> bool:
 _Numbers = tuple[float, NDArray[np.float64], NDArray[np.float64], float]
 _Shape = tuple[
     NDArray[np.float64],
-    list[NDArray[np.int64]],
+    NDArray[np.int64],
+    NDArray[np.int64],
     NDArray[np.int64],
     _Numbers,
     NDArray[np.float64],
@@ -277,7 +285,7 @@ def _plain(point: NDArray[np.float64]) -> list[float] | None:
 
 def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     """Find corners and faces in floating point; None where rationals must do it."""
-    from voxkernel._loops.linear_program import deepest_point, largest_excess
+    from voxkernel._loops.linear_program import deepest_point
 
     point = inside.local_point
     if point is None or inside.clearance <= 0.0:
@@ -304,18 +312,14 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
         solid = polyhedron_around(near, deepest, slacks=_exact_distances(near, deepest)) or solid
     volume, centroid, inertia, area = polyhedron_moments(solid)
     corners = solid.center + solid.vertices
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    excess = largest_excess(
-        planes.local_normals, planes.local_offsets, 0.5 * (low + high), 0.5 * (high - low) * (1 + 1e-9), corners
-    )
-    faces = np.split(solid.ring, solid.start[1:-1])
+    _, excess = rows_reaching(planes, solid)
     owner = np.repeat(solid.rows, np.diff(solid.start))
     on_face = np.abs(np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner])
     # Moving every plane by the largest misfit changes the volume by less than this share.
     misfit = max(float(on_face.max()), excess) + 2 * float(near.local_errors[solid.rows].max())
     rounding = 4.0 * misfit / clearance + 1e-14
     numbers = volume, solid.center + centroid, inertia, area
-    return corners, faces, rows[solid.rows], numbers, deepest, clearance, [], max(0.0, excess), rounding
+    return corners, solid.start, solid.ring, rows[solid.rows], numbers, deepest, clearance, [], max(0.0, excess), rounding
 
 
 def _exact_distances(planes: HalfSpaces, point: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -362,7 +366,9 @@ def _rational_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     else:
         rings, rows = [], []
     residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
-    return vertices, rings, np.array(rows, np.int64), numbers, deepest, clearance, corners, residual, 1e-14
+    starts = np.concatenate([[0], np.cumsum([len(r) for r in rings], dtype=np.int64)])
+    ring_array = np.concatenate(rings) if rings else np.empty(0, np.int64)
+    return vertices, starts, ring_array, np.array(rows, np.int64), numbers, deepest, clearance, corners, residual, 1e-14
 
 
 def _certificate(planes: HalfSpaces, inside: Feasibility, corners: list[tuple[Any, Any, Any]]) -> Certificate:

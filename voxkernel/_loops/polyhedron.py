@@ -107,3 +107,66 @@ def moments(vertices, start, ring):  # type: ignore[no-untyped-def]
         for m in range(k):
             second[m, k] = second[k, m]
     return volume, first, second, area
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def neighbours(start, ring, n_vertices):  # type: ignore[no-untyped-def]
+    """List the vertices joined to each vertex by an edge: (first, list), from the rings of all faces."""
+    first = np.zeros(n_vertices + 1, np.int64)
+    for j in range(ring.shape[0]):
+        first[ring[j] + 1] += 1
+    for v in range(n_vertices):
+        first[v + 1] += first[v]
+    fill = first[:-1].copy()
+    joined = np.empty(ring.shape[0], np.int64)
+    for f in range(start.shape[0] - 1):
+        for j in range(start[f], start[f + 1]):
+            after = j + 1 if j + 1 < start[f + 1] else start[f]
+            joined[fill[ring[j]]] = ring[after]
+            fill[ring[j]] += 1
+    return first, joined
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def _climb(nx, ny, nz, vertices, first, joined, at):  # type: ignore[no-untyped-def]
+    """Walk uphill along edges to the vertex farthest in a direction; on a convex polyhedron that is the best one."""
+    best = nx * vertices[at, 0] + ny * vertices[at, 1] + nz * vertices[at, 2]
+    while True:
+        to = -1
+        for j in range(first[at], first[at + 1]):
+            v = joined[j]
+            value = nx * vertices[v, 0] + ny * vertices[v, 1] + nz * vertices[v, 2]
+            if value > best:
+                best = value
+                to = v
+        if to < 0:
+            return at, best
+        at = to
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def planes_reaching(normals, offsets, errors, vertices, first, joined, center, half, slack, keep):  # type: ignore[no-untyped-def]
+    """One pass: list the planes with n . v - d > -(error + slack) for some vertex v of a convex polyhedron.
+
+    A plane clear of the box center +- half is skipped; for the rest the climb starts where the
+    last one ended, because facets that follow each other face alike. Returns the count and the
+    largest n . v - d met (at most the box bound where a plane was skipped).
+    """
+    cx, cy, cz = center[0], center[1], center[2]
+    hx, hy, hz = half[0], half[1], half[2]
+    size = np.sqrt((abs(cx) + hx) ** 2 + (abs(cy) + hy) ** 2 + (abs(cz) + hz) ** 2) + 1.0
+    count = 0
+    worst = -np.inf
+    at = 0
+    for i in range(offsets.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        limit = offsets[i] - errors[i] * size - slack
+        if nx * cx + ny * cy + nz * cz + abs(nx) * hx + abs(ny) * hy + abs(nz) * hz < limit:
+            continue
+        at, best = _climb(nx, ny, nz, vertices, first, joined, at)
+        if best >= limit:
+            keep[count] = i
+            count += 1
+        if best - offsets[i] > worst:
+            worst = best - offsets[i]
+    return count, worst
