@@ -68,7 +68,7 @@ def _clean(text: str) -> str:
 def _space(scene: Scene) -> dict[str, Any]:
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
     reach = float((high - low).max()) or 1.0
-    eye = 2.1 * scene.view * max(0.6, float(np.linalg.norm(high - low)) / (reach * 3.0**0.5))
+    eye = 1.75 * scene.view * max(0.6, float(np.linalg.norm(high - low)) / (reach * 3.0**0.5))
     hidden = {"visible": False}
     return {
         "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",

@@ -83,11 +83,11 @@ def _add_surface(plotter: Any, pyvista: Any, scene: Scene) -> None:
     data = pyvista.PolyData.from_regular_faces(scene.vertices, scene.faces)
     data = data.compute_normals(split_vertices=True, feature_angle=30.0, consistent_normals=False, auto_orient_normals=False)
     plotter.add_mesh(
-        data, color=SURFACE, opacity=(0.5 if scene.is_open else 0.36) if len(scene.kernel_vertices) else 0.55, smooth_shading=True,
+        data, color=SURFACE, opacity=(0.46 if scene.is_open else 0.27) if len(scene.kernel_vertices) else 0.55, smooth_shading=True,
         ambient=0.3, diffuse=0.75, specular=0.35, specular_power=28,
     )  # fmt: skip
     if len(scene.surface_lines):
-        plotter.add_mesh(_segments(pyvista, scene.surface_lines), color=LINE, line_width=2.6, opacity=0.75, lighting=False)
+        plotter.add_mesh(_segments(pyvista, scene.surface_lines), color=LINE, line_width=2.2, opacity=0.75, lighting=False)
 
 
 def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> None:
@@ -128,10 +128,9 @@ def _add_witness(plotter: Any, pyvista: Any, scene: Scene) -> None:
 
 
 def _segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
-    data = pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)))
     n = len(lines)
-    data.lines = np.column_stack([np.full(n, 2), 2 * np.arange(n), 2 * np.arange(n) + 1]).ravel()
-    return data
+    cells = np.column_stack([np.full(n, 2), 2 * np.arange(n), 2 * np.arange(n) + 1]).ravel()
+    return pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)), lines=cells)
 
 
 def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[int], *, margin: float) -> None:

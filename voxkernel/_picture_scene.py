@@ -145,7 +145,10 @@ def _kernel_parts(kernel: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], 
             return none
         mesh = kernel.to_mesh()
         return mesh.vertices, mesh.faces, none[2]
+    # Where the kernel touches the surface the two would flicker: draw it a little smaller.
     points: NDArray[np.float64] = kernel.vertices
+    if len(points):
+        points = points + 3e-3 * (points.mean(axis=0) - points)
     if not kernel.faces:
         return points, none[1], points[None] if len(points) == 2 else none[2]
     fans = [np.column_stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]]) for f in kernel.faces]

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
 
-__all__ = ["Polyhedron", "polyhedron_around", "polyhedron_moments", "relevant_rows"]
+__all__ = ["Polyhedron", "convex_surface", "polyhedron_around", "polyhedron_moments", "relevant_rows"]
 
 _CULL_ABOVE = 3000
 _FIRST_BOX = 4.0
@@ -89,6 +90,29 @@ def polyhedron_around(
     return Polyhedron(point.copy(), vertices, compact, ring, has_face)
 
 
+def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
+    """Take a strictly convex closed triangle surface as its own kernel, decided exactly; None for any other.
+
+    All edges strictly convex and the solid angle of one turn around `point` make it convex; then
+    every facet bounds the kernel and every corner is one of its vertices, without any arithmetic.
+    """
+    from voxkernel._loops.polyhedron import solid_angle
+
+    faces = planes.corner_ids()
+    if not (planes.is_triangulation and planes.bounds_volume):
+        return None
+    if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces) < 2:
+        return None
+    used = np.zeros(len(planes.vertices), np.bool_)
+    used[faces.ravel()] = True
+    number = np.cumsum(used) - 1
+    vertices = planes.to_local(planes.vertices[used]) - point
+    start, ring = np.arange(0, 3 * len(faces) + 1, 3), number[faces.ravel()]
+    if abs(solid_angle(vertices, ring) / (4 * np.pi) - 1.0) > 0.25:
+        return None
+    return Polyhedron(point.copy(), vertices, start, ring, np.arange(len(faces)))
+
+
 _CUBE = np.concatenate([np.eye(3), -np.eye(3)])
 
 
@@ -112,7 +136,10 @@ def relevant_rows(
     outer = polyhedron_around(planes.select(tight), point)
     if outer is None:
         return np.arange(n), 1
-    return np.union1d(rows_reaching(planes, outer)[0], tight[outer.rows]), 2
+    keep = np.zeros(n, np.bool_)
+    keep[rows_reaching(planes, outer)[0]] = True
+    keep[tight[outer.rows]] = True
+    return np.flatnonzero(keep), 2
 
 
 def rows_reaching(planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9) -> tuple[NDArray[np.int64], float]:

@@ -89,7 +89,7 @@ def comet(rings: int = 60, sectors: int = 64) -> TriangleMesh:
     t = np.arange(1, rings) / rings
     sweep = np.radians(200.0) * (t - 0.5)
     axis = np.stack([np.sin(sweep), np.cos(sweep), np.zeros_like(t)], axis=-1)
-    radius = np.sqrt(np.sin(np.pi * t)) * (0.46 - 0.06 * t - 0.27 * np.exp(-(((t - 0.52) / 0.14) ** 2)))
+    radius = np.sqrt(np.sin(np.pi * t)) * (0.47 - 0.08 * t - 0.31 * np.exp(-(((t - 0.52) / 0.14) ** 2)))
     angle = 2.0 * np.pi * np.arange(sectors) / sectors
     outward = np.cos(angle)[None, :, None] * axis[:, None, :] - np.sin(angle)[None, :, None] * np.array([0.0, 0, 1])
     tube = (axis[:, None, :] + radius[:, None, None] * outward).reshape(-1, 3)

@@ -924,6 +924,23 @@ class SparseGrid:
         """
         return self._with(_cells.merged(self._body), self.metadata)
 
+    def to_mask(self) -> Self:
+        """The active voxels alone, without values.
+
+        Returns
+        -------
+        SparseGrid
+            A mask that shares this grid's arrays; inactive tiles are dropped, name and metadata are kept.
+
+        Examples
+        --------
+        >>> SparseGrid.from_ijk([[0, 0, 0]], values=[2.5], name="v").to_mask()
+        SparseGrid('v', 1 active voxel, 0 tiles, 1 leaf, mask)
+        """
+        return self._with(
+            self._body._replace(tile_values=None, leaf_values=None), self.metadata, background=0.0
+        )
+
     def coarsened(self, *, rule: Literal["any", "all"] = "any") -> Self:
         """Merge blocks of 2^3 voxels into one voxel of twice the edge.
 
@@ -966,10 +983,10 @@ class SparseGrid:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        tiles, leaves = self.tile_count, self.leaf_count
+        count, tiles, leaves = self.active_voxel_count, self.tile_count, self.leaf_count
         kind = "mask" if self.is_mask else "float"
         stored = f"{tiles} tile{'s' * (tiles != 1)}, {leaves} {'leaf' if leaves == 1 else 'leaves'}"
-        return f"SparseGrid({self.name!r}, {self.active_voxel_count} active voxels, {stored}, {kind})"
+        return f"SparseGrid({self.name!r}, {count} active voxel{'s' * (count != 1)}, {stored}, {kind})"
 
 
 def _same(one: NDArray[Any] | None, two: NDArray[Any] | None) -> bool:

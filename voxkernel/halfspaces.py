@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt
@@ -66,6 +67,7 @@ class HalfSpaces:
     _corners: NDArray[np.int64]  # (n, 3) vertex ids; row (-1 - j, 0, 0) is explicit plane j
     _explicit: NDArray[np.float64]  # (k, 4) n, d as given
     _lattice_bits: int  # every input double times 2**bits is an integer
+    is_triangulation: bool = False  # the rows are the triangles of the surface, none left out
     is_cone: bool = False  # the surface planes moved to the origin: directions, not points
 
     @classmethod
@@ -87,15 +89,19 @@ class HalfSpaces:
         MeshError
             If no facet has an area.
         """
-        from voxkernel._loops.planes import boundary_is_zero, facet_planes
+        from voxkernel._loops.planes import boundary_is_zero, coordinate_range, facet_planes
 
         vertices, corners = mesh.vertices, mesh.plane_corners
-        origin, scale = _local_frame(vertices)
+        low, high, smallest = coordinate_range(vertices)
+        origin, scale = _local_frame(low, high)
+        bits = _bits_of(smallest)
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
         areas, errors = np.empty(n), np.empty(n)
-        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
-        bits = _lattice_bits(vertices)
+        with ThreadPoolExecutor(1) as pool:  # both loops run without the interpreter lock
+            balanced = pool.submit(boundary_is_zero, mesh.faces, len(vertices))
+            undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+            bounds_volume = bool(balanced.result())
         if undecided:
             frame = (origin, scale, bits)
             for i in np.flatnonzero(errors == -1.0):
@@ -112,8 +118,9 @@ class HalfSpaces:
             facet_ids, corners = facet_ids[keep], corners[keep]
         return cls(
             *(read_only(a) for a in (normals, offsets, errors, areas, facet_ids)),
-            read_only(origin), scale, n - n_kept, bool(boundary_is_zero(mesh.faces, len(vertices))),
+            read_only(origin), scale, n - n_kept, bounds_volume,
             vertices, read_only(corners), read_only(np.empty((0, 4))), bits,
+            mesh.plane_corners is mesh.faces and n_kept == n,
         )  # fmt: skip
 
     @classmethod
@@ -250,7 +257,7 @@ class HalfSpaces:
         return HalfSpaces(
             self.local_normals, read_only(np.zeros(len(self))), self.local_errors, self.weights, self.facet_ids,
             read_only(np.zeros(3)), 1.0, self.n_degenerate, self.bounds_volume,
-            self._vertices, self._corners, read_only(explicit), self._lattice_bits, True,
+            self._vertices, self._corners, read_only(explicit), self._lattice_bits, False, True,
         )  # fmt: skip
 
     def coplanar_groups(self) -> NDArray[np.int64]:
@@ -324,7 +331,7 @@ class HalfSpaces:
         return HalfSpaces(
             *(read_only(np.ascontiguousarray(a)) for a in (normals, offsets, errors, weights, facet_ids)),
             self.origin, self.scale, self.n_degenerate, self.bounds_volume,
-            self._vertices, read_only(np.ascontiguousarray(corners)), read_only(explicit), bits, self.is_cone,
+            self._vertices, read_only(np.ascontiguousarray(corners)), read_only(explicit), bits, False, self.is_cone,
         )  # fmt: skip
 
 
@@ -356,8 +363,7 @@ def _power_of_two(value: float) -> float:
     return float(np.ldexp(1.0, int(exponent) - (mantissa == 0.5)))
 
 
-def _local_frame(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     origin = low + 0.5 * (high - low)
     reach = float(np.linalg.norm(np.maximum(high - origin, origin - low)))
     return origin, _power_of_two(reach * (1 + 1e-12))
@@ -368,7 +374,10 @@ def _lattice_bits(values: NDArray[np.float64]) -> int:
     if values.size == 0:
         return 0
     magnitudes = np.abs(values)
-    smallest = float(np.min(magnitudes, where=magnitudes > 0, initial=np.inf))
+    return _bits_of(float(np.min(magnitudes, where=magnitudes > 0, initial=np.inf)))
+
+
+def _bits_of(smallest: float) -> int:
     if smallest == np.inf:
         return 0
     return max(0, 53 - int(np.frexp(smallest)[1]))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel.certificate import Certificate
+from voxkernel.convexity import is_locally_convex
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
 from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
 
@@ -160,36 +160,14 @@ def starshapeness(surface: Any, *, facets: Any = None, domain: Any = None) -> St
     reference_volume = enclosed if closed else (region.volume if region is not None else float("nan"))
     ratio = kernel.volume / reference_volume if reference_volume > 0 else (0.0 if dimension < 3 else float("nan"))
     if ratio > 1.0 - 1e-9:
-        ratio = 1.0 if not closed or is_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
+        # Locally convex at every edge and wound once (the volumes agree) is convex.
+        ratio = 1.0 if not closed or is_locally_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
     return Starshapeness(
         "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
         ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
         reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
         _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
     )  # fmt: skip
-
-
-def is_convex(mesh: TriangleMesh, halfspaces: HalfSpaces) -> bool:
-    """Whether a closed surface, whose kernel fills its volume up to rounding, is convex; decided exactly.
-
-    Locally convex at every edge, and wound once (the volumes agree), is convex.
-    """
-    from voxkernel._loops.convexity import edges_are_convex
-
-    used = np.abs(mesh.vertices[mesh.faces])
-    if used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
-        return False
-    face_planes = np.arange(len(mesh.faces))
-    if mesh.plane_corners is not mesh.faces:
-        planar = ~np.isin(mesh.facet_ids, mesh.nonplanar_facets)
-        step = np.ones(len(mesh.faces), np.int64)
-        step[1:][planar[1:] & (mesh.facet_ids[1:] == mesh.facet_ids[:-1])] = 0
-        face_planes = np.cumsum(step) - 1
-    one = mesh.faces.ravel()
-    two = mesh.faces[:, [1, 2, 0]].ravel()
-    keys = np.minimum(one, two) * len(mesh.vertices) + np.maximum(one, two)
-    order = np.argsort(keys, kind="stable")
-    return bool(edges_are_convex(mesh.vertices, mesh.faces, face_planes, mesh.plane_corners, order, keys[order]))
 
 
 def _notes(halfspaces: HalfSpaces, kernel: KernelPolytope) -> tuple[str, ...]:

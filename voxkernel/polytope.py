@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel._exact_program import as_integers, deepest_rational_point, rank_of
 from voxkernel._flat import rational_kernel, rational_moments
-from voxkernel._solid import polyhedron_around, polyhedron_moments, relevant_rows, rows_reaching
+from voxkernel._solid import convex_surface, polyhedron_around, polyhedron_moments, relevant_rows, rows_reaching
 from voxkernel.certificate import Certificate
 from voxkernel.domain import Domain, as_domain, ball_domain
 from voxkernel.errors import MeshError
@@ -291,10 +291,13 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     if point is None or inside.clearance <= 0.0:
         return None
     rows, _ = relevant_rows(planes, point, inside.working_set)
-    near = planes.select(rows)
-    heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
-    rows, near = rows[heads], near.select(heads)
-    solid = polyhedron_around(near, point)
+    solid = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
+    near = planes
+    if solid is None:
+        near = planes.select(rows)
+        heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
+        rows, near = rows[heads], near.select(heads)
+        solid = polyhedron_around(near, point)
     if solid is None:
         return None
     basis, multipliers, best = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
@@ -312,7 +315,8 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
         solid = polyhedron_around(near, deepest, slacks=_exact_distances(near, deepest)) or solid
     volume, centroid, inertia, area = polyhedron_moments(solid)
     corners = solid.center + solid.vertices
-    _, excess = rows_reaching(planes, solid)
+    # The rows left out are clear of an outer polyhedron by 1e-9 of its size, so of these corners too.
+    _, excess = rows_reaching(near, solid)
     owner = np.repeat(solid.rows, np.diff(solid.start))
     on_face = np.abs(np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner])
     # Moving every plane by the largest misfit changes the volume by less than this share.

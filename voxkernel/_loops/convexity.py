@@ -8,33 +8,84 @@ from voxkernel._loops.coplanar import orient3d_exact
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def edges_are_convex(vertices, faces, face_planes, plane_corners, order, keys):  # type: ignore[no-untyped-def]
-    """Test every edge shared by two facets: the far corner of each lies on or below the plane of the other.
+def halfedge_twins(faces, n_vertices):  # type: ignore[no-untyped-def]
+    """Pair the half-edges of a surface: edge k of face f is 3 f + k, from corner k to corner k + 1.
 
-    `order` sorts the 3 m half-edges (edge k of face f is 3 f + k) by `keys`, equal for the two halves
-    of an edge. False where an edge does not have exactly two faces, or the test fails.
+    -1 where an edge does not have exactly two faces that traverse it in opposite directions.
+    Half-edges are bucketed by their smaller vertex, so the time is linear.
     """
-    n = order.shape[0]
-    p = 0
-    while p < n:
-        if p + 1 >= n or keys[p] != keys[p + 1] or (p + 2 < n and keys[p + 2] == keys[p]):
-            return False
-        for swap in range(2):
-            this = order[p + swap]
-            other = order[p + 1 - swap]
-            f = this // 3
-            g = other // 3
-            if face_planes[f] == face_planes[g]:
-                continue
-            far = faces[g, (other % 3 + 2) % 3]
-            a = vertices[plane_corners[face_planes[f], 0]]
-            b = vertices[plane_corners[face_planes[f], 1]]
-            c = vertices[plane_corners[face_planes[f], 2]]
-            d = vertices[far]
-            if orientation(a, b, c, d) > 0.0:
-                return False
-        p += 2
-    return True
+    m = faces.shape[0]
+    start = np.zeros(n_vertices + 1, np.int64)
+    for f in range(m):
+        for k in range(3):
+            start[min(faces[f, k], faces[f, (k + 1) % 3]) + 1] += 1
+    for v in range(n_vertices):
+        start[v + 1] += start[v]
+    fill = start[:-1].copy()
+    other = np.empty(3 * m, np.int64)
+    edge = np.empty(3 * m, np.int64)
+    for f in range(m):
+        for k in range(3):
+            a = faces[f, k]
+            b = faces[f, (k + 1) % 3]
+            v = min(a, b)
+            other[fill[v]] = max(a, b)
+            edge[fill[v]] = 3 * f + k
+            fill[v] += 1
+    twins = np.full(3 * m, -1, np.int64)
+    for v in range(n_vertices):
+        low = start[v]
+        high = start[v + 1]
+        if high - low > 64:
+            order = np.argsort(other[low:high])
+            other[low:high] = other[low:high][order]
+            edge[low:high] = edge[low:high][order]
+        else:
+            for j in range(low + 1, high):
+                key = other[j]
+                value = edge[j]
+                p = j - 1
+                while p >= low and other[p] > key:
+                    other[p + 1] = other[p]
+                    edge[p + 1] = edge[p]
+                    p -= 1
+                other[p + 1] = key
+                edge[p + 1] = value
+        j = low
+        while j < high:
+            end = j + 1
+            while end < high and other[end] == other[j]:
+                end += 1
+            if end - j == 2:
+                one = edge[j]
+                two = edge[j + 1]
+                if faces[one // 3, one % 3] != faces[two // 3, two % 3]:
+                    twins[one] = two
+                    twins[two] = one
+            j = end
+    return twins
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def edge_convexity(vertices, faces, twins, face_planes, plane_corners):  # type: ignore[no-untyped-def]
+    """Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without twin."""
+    answer = 2
+    for this in range(twins.shape[0]):
+        other = twins[this]
+        if other < 0:
+            return 0
+        f = this // 3
+        g = other // 3
+        if face_planes[f] == face_planes[g]:
+            continue
+        plane = plane_corners[face_planes[f]]
+        far = faces[g, (other % 3 + 2) % 3]
+        side = orientation(vertices[plane[0]], vertices[plane[1]], vertices[plane[2]], vertices[far])
+        if side > 0.0:
+            return 0
+        if side == 0.0:
+            answer = 1
+    return answer
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)

@@ -91,6 +91,23 @@ def facet_planes(vertices, corners, origin, inverse_scale, normals, offsets, are
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
+def coordinate_range(vertices):  # type: ignore[no-untyped-def]
+    """One pass: lower and upper corner of the bounding box, and the smallest magnitude but zero."""
+    low = vertices[0].copy()
+    high = vertices[0].copy()
+    smallest = np.inf
+    for i in range(vertices.shape[0]):
+        for k in range(3):
+            v = vertices[i, k]
+            low[k] = min(low[k], v)
+            high[k] = max(high[k], v)
+            v = abs(v)
+            if 0.0 < v < smallest:
+                smallest = v
+    return low, high, smallest
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
 def boundary_is_zero(faces, n_vertices):  # type: ignore[no-untyped-def]
     """Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 

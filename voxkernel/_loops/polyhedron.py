@@ -170,3 +170,26 @@ def planes_reaching(normals, offsets, errors, vertices, first, joined, center, h
         if best - offsets[i] > worst:
             worst = best - offsets[i]
     return count, worst
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def solid_angle(vertices, ring):  # type: ignore[no-untyped-def]
+    """Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983)."""
+    total = 0.0
+    length = np.empty(3)
+    for f in range(ring.shape[0] // 3):
+        a = vertices[ring[3 * f]]
+        b = vertices[ring[3 * f + 1]]
+        c = vertices[ring[3 * f + 2]]
+        for k in range(3):
+            v = vertices[ring[3 * f + k]]
+            length[k] = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        triple = (
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        bc = b[0] * c[0] + b[1] * c[1] + b[2] * c[2]
+        ca = c[0] * a[0] + c[1] * a[1] + c[2] * a[2]
+        below = length[0] * length[1] * length[2] + ab * length[2] + bc * length[0] + ca * length[1]
+        total += 2.0 * np.arctan2(triple, below)
+    return total
