@@ -6,93 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from grids import BOX, FULL, HIGH, LOW, check_valid, dense_mask, dense_values, random_grid
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from voxkernel import _leaf_bits, _morton
 from voxkernel import grid as grid_module
 from voxkernel.grid import SparseGrid
-
-LOW, HIGH = -32, 31  # the box random grids live in, both included
-BOX = [[LOW] * 3, [HIGH] * 3]
-FULL = 2**64 - 1
-
-
-def random_grid(seed, *, has_values=False, n_cells=12, background=0.0):
-    """Tiles of three sizes and leaves (empty, sparse, dense, full) that never overlap, around the origin."""
-    rng = np.random.default_rng(seed)
-    free = np.ones((8, 8, 8), dtype=bool)
-    tiles, log2s, leaves, masks = [], [], [], []
-    for _ in range(n_cells):
-        log2 = int(rng.choice([0, 0, 3, 4, 5]))
-        edge = 1 << max(log2 - 3, 0)
-        at = rng.integers(0, 8 // edge, 3) * edge
-        region = tuple(slice(a, a + edge) for a in at)
-        if not free[region].all():
-            continue
-        free[region] = False
-        corner = at * 8 + LOW
-        if log2:
-            tiles.append(corner)
-            log2s.append(log2)
-        else:
-            leaves.append(corner)
-            masks.append(_leaf_bits.pack(rng.random((1, 8, 8, 8)) < rng.choice([0.0, 0.02, 0.7, 1.0]))[0])
-    values = {}
-    if has_values:
-        choice = np.array([0.0, 1.5, -2.0], dtype=np.float32)
-        leaf_values = rng.choice(choice, (len(leaves), 512))
-        leaf_values[rng.random(len(leaves)) < 0.3] = 1.5
-        values = {
-            "tile_values": rng.choice(choice, len(tiles)),
-            "leaf_values": leaf_values,
-            "background": background,
-        }
-    return SparseGrid.from_tiles_and_leaves(
-        np.array(tiles, dtype=np.int64).reshape(-1, 3),
-        np.array(log2s, dtype=np.int8),
-        np.array(leaves, dtype=np.int64).reshape(-1, 3),
-        np.array(masks, dtype=np.uint64).reshape(-1, 8),
-        **values,
-    )
-
-
-def dense_mask(grid):
-    """Activity in the box, by a loop over cells that shares no code with the library."""
-    out = np.zeros((64, 64, 64), dtype=bool)
-    for corner, log2 in zip(grid.tile_ijk, grid.tile_log2, strict=True):
-        x, y, z = corner - LOW
-        edge = 1 << int(log2)
-        out[x : x + edge, y : y + edge, z : z + edge] = True
-    for corner, mask in zip(grid.leaf_ijk, grid.leaf_mask, strict=True):
-        for x in range(8):
-            word = int(mask[x])
-            for bit in range(64):
-                if word >> bit & 1:
-                    out[tuple(corner - LOW + (x, bit >> 3, bit & 7))] = True
-    return out
-
-
-def dense_values(grid):
-    out = np.full((64, 64, 64), grid.background, dtype=np.float32)
-    for corner, log2, value in zip(grid.tile_ijk, grid.tile_log2, grid.tile_values, strict=True):
-        x, y, z = corner - LOW
-        edge = 1 << int(log2)
-        out[x : x + edge, y : y + edge, z : z + edge] = value
-    for corner, values in zip(grid.leaf_ijk, grid.leaf_values, strict=True):
-        x, y, z = corner - LOW
-        out[x : x + 8, y : y + 8, z : z + 8] = values.reshape(8, 8, 8)
-    return out
-
-
-def check_valid(grid):
-    """The constructor's checks hold for results that skipped them."""
-    again = dataclasses.replace(grid)
-    assert again == grid
-    for name in ("tile_ijk", "tile_log2", "leaf_ijk", "leaf_mask"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(grid, name))
-        assert not getattr(grid, name).flags.writeable
-
 
 seeds = st.integers(0, 2**32)
 
@@ -159,6 +79,7 @@ def test_popcount_without_bitwise_count(monkeypatch, rng):
 # -- against dense arrays -------------------------------------------------------
 
 
+@settings(max_examples=30)
 @given(seeds)
 def test_queries_agree_with_a_dense_array(seed):
     grid = random_grid(seed)
@@ -198,6 +119,7 @@ def test_long_lists_are_answered_from_a_table(seed):
     np.testing.assert_array_equal(grid.is_active(voxels[:100]), short[:100])
 
 
+@settings(max_examples=30)
 @given(seeds, seeds)
 def test_set_operations_agree_with_dense_arrays(seed_a, seed_b):
     a, b = random_grid(seed_a), random_grid(seed_b)
@@ -211,6 +133,7 @@ def test_set_operations_agree_with_dense_arrays(seed_a, seed_b):
         np.testing.assert_array_equal(dense_mask(result), expected)
 
 
+@settings(max_examples=30)
 @given(seeds, seeds, st.floats(-1, 1, width=32))
 def test_set_operations_of_values_keep_those_of_the_first(seed_a, seed_b, background):
     a = random_grid(seed_a, has_values=True, background=background)
@@ -228,6 +151,7 @@ def test_set_operations_of_values_keep_those_of_the_first(seed_a, seed_b, backgr
         assert result.background == a.background
 
 
+@settings(max_examples=30)
 @given(seeds, seeds)
 def test_values_can_be_cut_with_a_mask_and_the_reverse(seed_a, seed_b):
     a, b = random_grid(seed_a, has_values=True), random_grid(seed_b)
@@ -241,6 +165,7 @@ def test_values_can_be_cut_with_a_mask_and_the_reverse(seed_a, seed_b):
     np.testing.assert_array_equal(dense_mask(b.difference(a)), dense_b & ~dense_a)
 
 
+@settings(max_examples=30)
 @given(seeds, st.booleans())
 def test_prune_is_the_smallest_and_only_form(seed, has_values):
     grid = random_grid(seed, has_values=has_values, n_cells=30)
@@ -264,6 +189,7 @@ def test_prune_is_the_smallest_and_only_form(seed, has_values):
     np.testing.assert_array_equal(other.leaf_mask, small.leaf_mask)
 
 
+@settings(max_examples=30)
 @given(seeds)
 def test_coarsening_agrees_with_a_dense_array(seed):
     grid = random_grid(seed, has_values=True, n_cells=25)
@@ -285,6 +211,7 @@ def test_coarsening_agrees_with_a_dense_array(seed):
     np.testing.assert_array_equal(coarse.linear, 2 * mask.linear)
 
 
+@settings(max_examples=30)
 @given(seeds, st.booleans())
 def test_voxel_lists_round_trip(seed, has_values):
     grid = random_grid(seed, has_values=has_values)

@@ -105,7 +105,7 @@ def test_open3d_meshes():
         as_mesh(o3d.geometry.TriangleMesh())
     with pytest.raises(MeshError, match=r"`mesh` must have vertex\.positions"):
         as_mesh(o3d.t.geometry.TriangleMesh())
-    with pytest.raises(TypeError, match="got open3d.*PointCloud"):
+    with pytest.raises(TypeError, match=r"got open3d.*PointCloud"):
         as_mesh(o3d.geometry.PointCloud())
 
 
@@ -351,7 +351,7 @@ def test_gltf(tmp_path, capfd):
     scene.export(str(tmp_path / "scene.glb"))
     capfd.readouterr()
     mesh = as_mesh(tmp_path / "scene.glb")
-    parts = [2 * vertices, vertices + [5, 0, 0], vertices * [-1, 1, 1]]
+    parts = [2 * vertices, vertices + np.array([5, 0, 0]), vertices * [-1, 1, 1]]
     assert sorted(mesh.vertices.tolist()) == sorted(np.concatenate(parts).tolist())
     facts = mesh.facts()
     assert facts.is_closed
@@ -389,9 +389,9 @@ def _ply(body, vertex="element vertex 3", face="element face 1"):
         ("a.ply", _ply("0 0 0\n1 0 0\n0 1 0\n3 0 1\n"), MeshReadError, "element face is too short"),
         ("a.ply", _ply("0 0 0\n1 0\n0 1 0\n3 0 1 2\n"), MeshReadError, "element vertex is too short"),
         ("a.ply", _ply("0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n"), MeshReadError, "could not convert"),
-        ("a.ply", _ply("0 0 0\n1 0 0\n0 1 0\n", face="element face 0"), MeshError, "hold facets; got 3 vertices"),
+        ("a.ply", _ply("0 0 0\n1 0 0\n0 1 0\n", face="element face 0"), MeshError, "facets; got 3 vertices"),
         ("a.ply", _ply("3 0 1 2", vertex="element vertex 0"), MeshError, "must hold vertices; got none"),
-        ("a.ply", _ply("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n"), MeshError, "`vertices` must be finite; got nan in row 1"),
+        ("a.ply", _ply("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n"), MeshError, "must be finite; got nan in row 1"),
         ("a.ply", _ply("0 0 0\n1 0 inf\n0 1 0\n3 0 1 2\n"), MeshError, "`vertices` must be finite; got inf"),
         ("a.ply", _ply("0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), MeshError, r"must be in 0\.\.2; got 3"),
         ("a.ply", _ply("0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), MeshError, "at least 3 corners"),
@@ -434,13 +434,13 @@ def test_files_that_are_refused(tmp_path, capfd, name, content, kind, text):
 def test_a_truncated_binary_ply_is_refused(tmp_path, cut, sides):
     path = tmp_path / "cut.ply"
     path.write_bytes(ply_binary("<", sides)[:-9][: cut if cut < 500 else None])
-    with pytest.raises(MeshReadError, match="not a readable .ply file"):
+    with pytest.raises(MeshReadError, match=r"not a readable \.ply file"):
         as_mesh(path)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".wrl", ".glb", ".stl"])
 def test_missing_files_and_folders(tmp_path, suffix):
-    with pytest.raises(MeshReadError, match="`path` must be an existing file; got '.*missing"):
+    with pytest.raises(MeshReadError, match=r"`path` must be an existing file; got '.*missing"):
         as_mesh(tmp_path / f"missing{suffix}")
     folder = tmp_path / f"folder{suffix}"
     folder.mkdir()
@@ -459,8 +459,8 @@ def _run(code):
 def test_no_heavy_import_at_import():
     code = (
         "import sys, voxkernel.mesh, voxkernel.mesh_input, voxkernel.repair, voxkernel._open3d\n"
-        "heavy = {'open3d', 'pymeshlab', 'meshio', 'trimesh', 'pyvista', 'vtkmodules', 'mapbox_earcut', 'numba'}\n"
-        "print(sorted(heavy & set(sys.modules)))"
+        "heavy = 'open3d pymeshlab meshio trimesh pyvista vtkmodules mapbox_earcut numba'.split()\n"
+        "print([name for name in heavy if name in sys.modules])"
     )
     done = _run(code)
     assert done.stdout.strip() == "[]", done.stderr
@@ -525,5 +525,5 @@ def test_a_library_open3d_misses_is_named(monkeypatch):
     monkeypatch.delitem(sys.modules, "open3d", raising=False)
     monkeypatch.setattr(_open3d.importlib, "import_module", fail)
     monkeypatch.setattr(_open3d, "_preload_libusb", lambda: None)
-    with pytest.raises(ImportError, match="open3d cannot be loaded: libusb.*pip install libusb-package"):
+    with pytest.raises(ImportError, match=r"open3d cannot be loaded: libusb.*pip install libusb-package"):
         _open3d.open3d()

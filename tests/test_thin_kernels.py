@@ -4,6 +4,8 @@ import numpy as np
 import oracle
 import pytest
 import shapes
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from voxkernel.measures import starshapeness
 from voxkernel.polytope import exact_kernel
@@ -91,3 +93,14 @@ def test_one_unit_in_the_last_place_decides(step):
     truth = oracle.mesh_kernel(*surface)
     assert truth.dimension == {-1: 3, 0: 2, 1: -1}[step]
     _assert_as_the_doubles_say(surface, truth)
+
+
+@settings(max_examples=40)
+@given(
+    st.one_of(shapes.central_soups(), shapes.polycubes(), shapes.polygon_prisms()), st.integers(0, 2**32 - 1)
+)
+def test_flat_and_touching_surfaces_after_any_rotation(surface, seed):
+    """Rounding splits what met exactly: planes through one point come to pass 1e-16 from each other."""
+    rng = np.random.default_rng(seed)
+    vertices = shapes.moved(surface[0], shapes.random_rotation(rng), rng.normal(size=3))
+    _assert_as_the_doubles_say((vertices, surface[1]), oracle.mesh_kernel(vertices, surface[1]))

@@ -1,6 +1,7 @@
 """What is true of a triangle surface: connectivity, orientation, degenerate facets, area and volume."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -148,7 +149,36 @@ def _is_oriented(edges: HalfEdges) -> bool:
 
 
 def _loops(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """Chain boundary half-edges into simple loops; against a half-edge only where none goes on forward."""
+    """Chain boundary half-edges into simple loops, in order of their lowest half-edge."""
+    if len(tails) == 0:
+        return ()
+    ordered = np.sort(tails)
+    if (ordered[1:] != ordered[:-1]).all() and np.array_equal(ordered, np.sort(heads)):
+        return _cycles(tails, heads)
+    return _chains(tails, heads)
+
+
+def _cycles(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
+    """The usual case: one way in and one way out at every boundary vertex."""
+    edge_from = np.empty(int(tails.max()) + 1, dtype=np.int64)
+    edge_from[tails] = np.arange(len(tails))
+    following = edge_from[heads].tolist()
+    waiting = [True] * len(following)
+    order: list[int] = []
+    starts: list[int] = []
+    for edge in range(len(following)):
+        if waiting[edge]:
+            starts.append(len(order))
+            while waiting[edge]:
+                waiting[edge] = False
+                order.append(edge)
+                edge = following[edge]
+    vertices = read_only(tails[order])
+    return tuple(vertices[a:b] for a, b in pairwise([*starts, len(order)]))
+
+
+def _chains(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
+    """Pinched or unoriented boundaries: against a half-edge only where none goes on forward."""
     outgoing: dict[int, list[int]] = {}
     incoming: dict[int, list[int]] = {}
     a, b = tails.tolist(), heads.tolist()

@@ -128,7 +128,7 @@ def rational_moments(
         weights: list[tuple[Fraction, list[Fraction]]] = []
         if dimension == 2:
             for i, j in faces:
-                size = Fraction(0.5 * _length(_cross(relative[i], relative[j])))
+                size = _length(_cross(relative[i], relative[j])) / 2
                 area += size
                 weights.append((size, [(u + v) / 3 for u, v in zip(relative[i], relative[j], strict=True)]))
         else:
@@ -143,7 +143,7 @@ def rational_moments(
         for j, k in zip(ring[1:], ring[2:], strict=False):
             a, b, c = relative[ring[0]], relative[j], relative[k]
             normal = _cross([u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)])
-            area += Fraction(0.5 * _length(normal))
+            area += _length(normal) / 2
             part = sum((u * v for u, v in zip(a, normal, strict=True)), zero) / 6
             volume += part
             total3 = [u + v + w for u, v, w in zip(a, b, c, strict=True)]
@@ -160,9 +160,9 @@ def _cross(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def _length(a: list[Fraction]) -> float:
-    """Length of a rational vector, scaled so that its square neither overflows nor underflows."""
+def _length(a: list[Fraction]) -> Fraction:
+    """Length of a rational vector, rounded to a double's accuracy but not to its range."""
     largest = max(abs(v) for v in a)
     if largest == 0:
-        return 0.0
-    return float(largest) * sqrt(sum(float(v / largest) ** 2 for v in a))
+        return largest
+    return largest * Fraction(sqrt(sum(float(v / largest) ** 2 for v in a)))

@@ -6,17 +6,15 @@ the vertices. PyMeshLab reads everything else.
 """
 
 import importlib
-import io
 import os
 import re
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._ply import Polygons, format_ply, parse_ply
+from voxkernel._ply import Polygons, format_ply, parse_ply, parse_rows, ranges
 from voxkernel.errors import MeshReadError
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
@@ -67,16 +65,20 @@ def _polygons(vertices: Any, flat: Any, sizes: Any) -> Polygons:
     )
 
 
-def _numbers(rows: list[list[str]]) -> NDArray[np.float64]:
-    """Correctly rounded float64 of every word."""
-    return np.array(list(chain.from_iterable(rows)), dtype=np.float64)
+def _whole(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices read as float64: exact below 2**53, and refused where they are not whole."""
+    whole = (values == np.trunc(values)) & (np.abs(values) < 2.0**53)
+    if not whole.all():
+        raise ValueError(f"index {values[~whole][0]} is not a whole number")
+    return values.astype(np.int64)
 
 
-def _coordinates(rows: list[list[str]]) -> NDArray[np.float64]:
-    """First three numbers of each row; colours and weights may follow."""
-    if any(len(row) < 3 for row in rows):
+def _coordinates(lines: list[str]) -> NDArray[np.float64]:
+    """First three numbers of each line; colours and weights may follow."""
+    values, width = parse_rows(lines)
+    if (width < 3).any():
         raise ValueError("a vertex has fewer than 3 coordinates")
-    return _numbers([row[:3] for row in rows]).reshape(-1, 3)
+    return values[(np.cumsum(width) - width)[:, None] + np.arange(3)]
 
 
 def _parse_off(data: bytes) -> Polygons:
@@ -84,26 +86,27 @@ def _parse_off(data: bytes) -> Polygons:
     text = data.decode("ascii", "replace")
     if "#" in text:
         text = re.sub(r"#[^\r\n]*", "", text)
-    rows = [row for row in (line.split() for line in text.splitlines()) if row]
-    if not rows:
+    lines = [line for line in text.splitlines() if line and not line.isspace()]
+    if not lines:
         raise ValueError("it holds only comments")
-    match = re.fullmatch(r"(ST)?(C)?(N)?OFF", rows[0][0])
-    if match is None:
+    head = lines[0].split()
+    if re.fullmatch(r"(ST)?(C)?(N)?OFF", head[0]) is None:
         raise ValueError("it does not start with 'OFF'")
-    counts = rows[0][1:] or rows[1]
-    first = 1 if rows[0][1:] else 2
-    if counts[0] == "BINARY":
+    if head[1:2] == ["BINARY"]:
         raise ValueError("binary OFF is not supported")
+    first = 1 if head[1:] else 2
+    counts = head[1:] or lines[1].split()
     n_vertices, n_faces = int(counts[0]), int(counts[1])
-    if n_vertices < 0 or n_faces < 0 or len(rows) < first + n_vertices + n_faces:
+    middle = first + n_vertices
+    if n_vertices < 0 or n_faces < 0 or len(lines) < middle + n_faces:
         raise ValueError(f"it ends before its {n_vertices} vertices and {n_faces} faces do")
-    faces = rows[first + n_vertices : first + n_vertices + n_faces]
-    sizes = np.array([row[0] for row in faces], dtype=np.int64)
-    if any(len(row) <= size for row, size in zip(faces, sizes.tolist(), strict=True)) or (sizes < 0).any():
+    values, width = parse_rows(lines[middle : middle + n_faces])
+    starts = np.cumsum(width) - width
+    sizes = _whole(values[starts])
+    if (sizes < 0).any() or (sizes >= width).any():
         raise ValueError("a face has fewer indices than it says")
-    words = chain.from_iterable(row[1 : size + 1] for row, size in zip(faces, sizes.tolist(), strict=True))
-    flat = np.array(list(words), dtype=np.int64)
-    return _polygons(_coordinates(rows[first : first + n_vertices]), flat, sizes)
+    flat = _whole(values[ranges(starts + 1, sizes)])
+    return _polygons(_coordinates(lines[first:middle]), flat, sizes)
 
 
 def _parse_obj(data: bytes) -> Polygons:
@@ -111,24 +114,23 @@ def _parse_obj(data: bytes) -> Polygons:
     text = data.decode("utf-8", "replace")
     if "\\" in text:
         text = re.sub(r"\\[ \t]*\r?\n", " ", text)
-    vertices: list[list[str]] = []
-    faces: list[list[str]] = []
+    if "#" in text:
+        text = re.sub(r"#[^\r\n]*", "", text)
+    vertices: list[str] = []
+    faces: list[str] = []
     seen: list[int] = []
     for line in text.splitlines():
+        if line[:1].isspace():
+            line = line.lstrip()
         if line.startswith(("v ", "v\t")):
-            vertices.append(line.split()[1:])
+            vertices.append(line[2:])
         elif line.startswith(("f ", "f\t")):
-            faces.append(line.split("#", 1)[0].split()[1:])
+            faces.append(line[2:])
             seen.append(len(vertices))
-        elif line[:1].isspace() and (words := line.split()) and words[0] in ("v", "f"):
-            (vertices if words[0] == "v" else faces).append(words[1:])
-            if words[0] == "f":
-                seen.append(len(vertices))
-    words = list(chain.from_iterable(faces))
-    if any("/" in word for word in words):
-        words = [word.split("/", 1)[0] for word in words]
-    flat = np.array(words, dtype=np.int64)
-    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    if any("/" in line for line in faces):
+        faces = re.sub(r"/[^\s]*", "", "\n".join(faces)).split("\n")
+    values, sizes = parse_rows(faces)
+    flat = _whole(values)
     if (flat == 0).any():
         raise ValueError("vertex index 0 (they start at 1)")
     before = np.repeat(np.array(seen, dtype=np.int64), sizes)
@@ -209,18 +211,19 @@ def write_triangles(
         file.write_bytes(format_ply(vertices, faces))
     elif suffix == ".stl":
         file.write_bytes(_format_stl(vertices, faces))
-    elif suffix in (".off", ".obj"):
-        text = io.BytesIO()
-        if suffix == ".off":
-            text.write(f"OFF\n{len(vertices)} {len(faces)} 0\n".encode("ascii"))
-            np.savetxt(text, vertices, fmt="%.17g")
-            np.savetxt(text, faces, fmt="3 %d %d %d")
-        else:
-            np.savetxt(text, vertices, fmt="v %.17g %.17g %.17g")
-            np.savetxt(text, faces + 1, fmt="f %d %d %d")
-        file.write_bytes(text.getvalue())
+    elif suffix == ".off":
+        head = f"OFF\n{len(vertices)} {len(faces)} 0\n"
+        file.write_text(head + _rows("%.17g %.17g %.17g\n", vertices) + _rows("3 %d %d %d\n", faces))
+    elif suffix == ".obj":
+        file.write_text(_rows("v %.17g %.17g %.17g\n", vertices) + _rows("f %d %d %d\n", faces + 1))
     else:
         raise ValueError(f"`path` must end in one of .obj .off .ply .stl; got '{file}'")
+
+
+def _rows(pattern: str, table: NDArray[np.generic]) -> str:
+    """Every row in a text pattern, thousands of rows a call."""
+    parts = (table[start : start + 4096] for start in range(0, len(table), 4096))
+    return "".join(pattern * len(part) % tuple(part.reshape(-1).tolist()) for part in parts)
 
 
 def _format_stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bytes:

@@ -68,7 +68,7 @@ def _clean(text: str) -> str:
 def _space(scene: Scene) -> dict[str, Any]:
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
     reach = float((high - low).max()) or 1.0
-    eye = 1.75 * scene.view * max(0.6, float(np.linalg.norm(high - low)) / (reach * 3.0**0.5))
+    eye = 1.4 * scene.view * max(0.6, float(np.linalg.norm(high - low)) / (reach * 3.0**0.5))
     hidden = {"visible": False}
     return {
         "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
@@ -81,16 +81,20 @@ def _space(scene: Scene) -> dict[str, Any]:
 
 
 def _traces(go: Any, scene: Scene) -> list[Any]:
-    light = {"ambient": 0.55, "diffuse": 0.75, "specular": 0.25, "roughness": 0.6, "fresnel": 0.1}
+    light = {
+        "ambient": 0.6, "diffuse": 0.7, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
+        "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
+    }  # fmt: skip
+    shine = dict(zip("xyz", (1e5 * (scene.view + 0.7 * scene.up)).tolist(), strict=True))
     has_kernel = len(scene.kernel_vertices) > 0
     traces = [
-        _mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=0.35 if has_kernel else 0.5, lighting=light)
+        _mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=0.3 if has_kernel else 0.5, lighting=light, lightposition=shine)
     ]
     if len(scene.surface_lines):
         traces.append(_lines(go, scene.surface_lines, LINE, 2))
     if len(scene.kernel_faces):
         traces.append(
-            _mesh(go, scene.kernel_vertices, scene.kernel_faces, "kernel", KERNEL, flatshading=True, lighting=light)
+            _mesh(go, scene.kernel_vertices, scene.kernel_faces, "kernel", KERNEL, flatshading=True, lighting=light, lightposition=shine)
         )
         if 0 < len(scene.kernel_lines) <= 4000:
             traces.append(_lines(go, scene.kernel_lines, "#7a3300", 2))

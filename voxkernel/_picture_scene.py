@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from voxkernel.mesh import TriangleMesh
 
@@ -98,7 +96,7 @@ def caption_of(mesh: TriangleMesh, kernel: Any) -> str:
 
 
 def _percent(ratio: float) -> str:
-    return f"{100.0 * ratio:.3g} %"
+    return f"{100.0 * ratio:.4g} %"
 
 
 def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
@@ -127,6 +125,9 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
 
 def _is_long(ends: NDArray[np.int64], segments: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
     """Which segments belong to a connected set of at least that length."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     ids, local = np.unique(ends, return_inverse=True)
     local = local.reshape(-1, 2)
     graph = coo_matrix((np.ones(len(local), np.int8), (local[:, 0], local[:, 1])), shape=(len(ids), len(ids)))

@@ -131,10 +131,18 @@ def _triangulate(
     triangles = loops[:, fan]
     if size == 3:
         return triangles
-    spokes = np.cross(local[:, 1:-1], local[:, 2:])  # local[:, 0] is the origin
-    facing = np.einsum("mki,mi->mk", spokes, newell)
     floor = 1e-14 * np.einsum("mi,mi->m", newell, newell)
-    for row in np.flatnonzero((facing <= floor[:, None]).any(axis=1)):
+    left = np.arange(len(loops))
+    for apex in range(2):
+        corners = np.roll(local[left], -apex, axis=1)
+        spokes = np.cross(corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1])
+        facing = np.einsum("mki,mi->mk", spokes, newell[left])
+        good = (facing > floor[left, None]).all(axis=1)
+        triangles[left[good]] = np.roll(loops[left[good]], -apex, axis=1)[:, fan]
+        left = left[~good]
+    if size == 4:  # both diagonals were tried: it crosses itself or is a line
+        return triangles
+    for row in left:
         triangles[row] = loops[row][_ears(local[row], newell[row], fan)]
     return triangles
 

@@ -155,8 +155,8 @@ def _pack_entry(key: object, value: object) -> tuple[str, bytes]:
             kind = f"vec{len(numbers)}d" if numbers.size < 16 else "mat4d"
             return kind, numbers.astype("<f8").tobytes()
     raise TypeError(
-        f"`metadata` must hold bool, int, float, str, or 2 to 4 or 16 numbers; got {key!r}:
-        {type(value).__name__}"
+        f"`metadata` must hold bool, int, float, str, or 2 to 4 or 16 numbers; got {key!r}: "
+        f"{type(value).__name__}"
     )
 
 

@@ -101,8 +101,8 @@ def _unblosc(packed: memoryview, n_bytes: int) -> bytes:
     plain_size, _, packed_size = struct.unpack_from("<III", packed, 4)
     if plain_size != n_bytes or packed_size != len(packed):
         raise GridReadError(
-            f"Blosc-compressed values must be {len(packed)} bytes for {n_bytes}; got {packed_size} for
-            {plain_size}"
+            f"Blosc-compressed values must be {len(packed)} bytes for {n_bytes}; got {packed_size} "
+            f"for {plain_size}"
         )
     try:
         plain = blosc.decompress(bytes(packed))
@@ -163,7 +163,7 @@ def read_values(source: Source, is_on: NDArray[np.bool_], codec: Codec) -> NDArr
 def read_leaf_values(
     source: Source, n_leaves: int, codec: Codec
 ) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
-    """Masks and values of float leaves. Sizes differ from leaf to leaf, so that this is one short Python loop."""
+    """Masks and values of float leaves; sizes differ from leaf to leaf, hence a Python loop."""
     source.need(n_leaves * 65, f"{n_leaves} leaves")
     masks = np.empty((n_leaves, 8), dtype=np.uint64)
     values = np.empty((n_leaves, 512), dtype=np.float32)
@@ -199,9 +199,8 @@ def write_values(
 
     `is_off` marks inactive values; slots that are neither (children) are stored as nothing.
     """
-    unsigned = (
-        np.uint8 if codec.dtype.kind == "b" else np.uint32
-    )  # compared as bits: NaN and -0 are values too
+    # compared as bits: NaN and -0 are values too
+    unsigned = np.uint8 if codec.dtype.kind == "b" else np.uint32
     off = values[is_off].view(unsigned)
     distinct = np.unique(off).tolist()
     background, minus = (int(value.view(unsigned)) for value in (codec.background, codec.minus))
@@ -214,28 +213,22 @@ def write_values(
         mode = _MASK_MINUS if others == [minus] else _MASK_ONE
     else:
         mode = _MASK_TWO if len(distinct) == 2 else _EVERY_VALUE
-    stored = np.array(others[: _N_STORED[mode]], dtype=unsigned).view(codec.dtype)
-    with np.errstate(
-        over="ignore"
-    ):  # inactive values have full width, though rounded to half where the grid is
-        header = bytes([mode]) + stored.astype(codec.stored).astype(codec.dtype).tobytes()
+    header = bytes([mode]) + np.array(others[: _N_STORED[mode]], dtype=unsigned).tobytes()
     if _HAS_SELECTION[mode]:
         selection = np.zeros(len(values), dtype=np.bool_)
         selection[is_off] = off == (others[1] if mode == _MASK_TWO else background)
         header += np.packbits(selection, bitorder="little").tobytes()
     kept = np.where(is_on | is_off, values, codec.dtype.type(0)) if mode == _EVERY_VALUE else values[is_on]
-    with np.errstate(over="ignore"):
-        return header + _write_chunk(kept.astype(codec.stored).tobytes(), codec.flags)
+    return header + _write_chunk(kept.astype(codec.stored).tobytes(), codec.flags)
 
 
 def write_leaf_values(masks: NDArray[np.uint64], values: NDArray[np.float32], codec: Codec) -> bytes:
-    """Buffers of float leaves; a leaf whose inactive values are all background skips the search for its mode."""
+    """Buffers of float leaves; most have only background where inactive, and no mode to find."""
     raw_masks = np.ascontiguousarray(masks, dtype="<u8").view(np.uint8).reshape(len(masks), 64)
     is_on = np.unpackbits(raw_masks, axis=1, bitorder="little").view(np.bool_)
     background = np.float32(codec.background).view(np.uint32)
     is_plain = (is_on | (values.view(np.uint32) == background)).all(axis=1)
-    with np.errstate(over="ignore"):
-        kept = memoryview(values[is_on].astype(codec.stored).tobytes())
+    kept = memoryview(values[is_on].astype(codec.stored).tobytes())
     ends = np.cumsum(is_on.sum(axis=1)) * codec.stored.itemsize
     parts: list[bytes | memoryview] = []
     start = 0

@@ -1,6 +1,7 @@
 """Tiles and leaves -> the tree of one grid in a .vdb file."""
 
 import struct
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,8 +53,8 @@ def _split(
             n_pieces = 8 ** (size - unit)
             if len(chosen) * n_pieces > _MAX_PIECES:
                 raise ValueError(
-                    f"`grids` must have fewer large tiles: OpenVDB's largest is 4096^3; got {len(chosen)} of
-                    2^{size}"
+                    f"`grids` must have fewer large tiles: OpenVDB's largest is 4096^3; got "
+                    f"{len(chosen)} of 2^{size}"
                 )
             steps = np.indices((1 << (size - unit),) * 3, dtype=np.int32).reshape(3, -1).T << unit
             if len(chosen):
@@ -68,6 +69,8 @@ def _split(
 
 def write_tree(grid: SparseGrid, kind: str, flags: int) -> tuple[list[bytes], list[bytes]]:
     """Topology and buffers of a grid as "bool", "mask", "float" or "half"."""
+    if kind == "half":
+        grid = _in_half(grid)
     codec = Codec.of(kind, grid.background, flags)
     tile_values = np.ones(grid.tile_count) if grid.tile_values is None else grid.tile_values
     slots = _split(
@@ -81,6 +84,17 @@ def write_tree(grid: SparseGrid, kind: str, flags: int) -> tuple[list[bytes], li
     masks = np.ascontiguousarray(grid.leaf_mask[order], dtype="<u8")
     topology = _topology(slots, leaf_key[order], masks, codec)
     return topology, _buffers(grid, kind, order, masks, codec)
+
+
+def _in_half(grid: SparseGrid) -> SparseGrid:
+    """Round all values first, so that what equals the background still does afterwards."""
+    with np.errstate(over="ignore"):
+        rounded = {
+            name: values.astype(np.float16).astype(np.float32)
+            for name in ("tile_values", "leaf_values", "inactive_values")
+            if (values := getattr(grid, name)) is not None
+        }
+        return replace(grid, background=float(np.float16(grid.background)), **rounded)
 
 
 def _topology(

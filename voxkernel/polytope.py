@@ -346,8 +346,8 @@ def _rational_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     unit = Fraction(planes.scale) * planes.lattice_unit
     volume, area, centroid, inertia = rational_moments(inside.dimension, corners, [f for _, f in faces])
     numbers = (
-        float(volume / unit**3), float(area / float(unit) ** 2), planes.from_lattice(centroid),
-        np.array([[float(v / unit**5) for v in line] for line in inertia]),
+        float(volume / unit**3), planes.from_lattice(centroid),
+        np.array([[float(v / unit**5) for v in line] for line in inertia]), float(area / unit**2),
     )  # fmt: skip
     vertices = np.array([planes.from_lattice(c) for c in corners])
     deepest, clearance = planes.from_lattice(inside.point), 0.0

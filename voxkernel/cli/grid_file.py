@@ -1,0 +1,66 @@
+"""A kernel grid as an .npz file: the arrays of `KernelGrid`, readable by NumPy alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from voxkernel.errors import MeshReadError
+
+__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file"]
+
+FORMAT = "voxkernel grid 1"
+
+
+def grid_summary(grid: Any) -> dict[str, Any]:
+    """Give what describes a KernelGrid without its cells."""
+    box = grid.active_bbox
+    return {
+        "depth": grid.depth,
+        "dimension": grid.dimension,
+        "volume": grid.volume,
+        "volume_bounds": list(grid.volume_bounds),
+        "active_voxel_count": grid.active_voxel_count,
+        "boundary_voxel_count": grid.boundary.active_voxel_count,
+        "active_bbox": None if box is None else box.tolist(),
+        "tiles": len(grid.tile_ijk),
+        "leaves": len(grid.leaf_ijk),
+        "voxel_size": grid.voxel_size,
+        "origin": grid.origin.tolist(),
+        "axes": grid.axes.tolist(),
+        "domain": None if grid.domain is None else grid.domain.kind,
+        "reason": grid.reason,
+    }
+
+
+def write_grid_file(grid: Any, path: Path) -> None:
+    """Write tiles, leaf masks, transform and the summary."""
+    import json
+
+    import numpy as np
+
+    with path.open("wb") as file:  # NumPy would append a suffix to a path
+        np.savez_compressed(
+            file, tile_ijk=grid.tile_ijk, tile_log2=grid.tile_log2, leaf_ijk=grid.leaf_ijk,
+            leaf_inside=grid.leaf_inside, leaf_boundary=grid.leaf_boundary, origin=grid.origin,
+            voxel_size=np.float64(grid.voxel_size), axes=grid.axes, format=np.array(FORMAT),
+            summary=np.array(json.dumps(grid_summary(grid))),
+        )  # fmt: skip
+
+
+def read_grid_file(path: str) -> dict[str, Any]:
+    """Read the summary of a file made by `write_grid_file`."""
+    import json
+    import zipfile
+
+    import numpy as np
+
+    if not Path(path).is_file():
+        raise MeshReadError(f"'{path}' must be a file; got none")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            if str(arrays["format"]) != FORMAT:
+                raise MeshReadError(f"'{path}' must be a `{FORMAT}` file; got {arrays['format']}")
+            return json.loads(str(arrays["summary"]))
+    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise MeshReadError(f"'{path}' must be an .npz grid of voxkernel; got something else ({error})") from error

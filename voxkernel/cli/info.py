@@ -1,0 +1,81 @@
+"""`voxkernel info`: the facts of a mesh or of a stored grid."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from voxkernel.cli.output import display, number, print_json, print_table
+
+HELP = "facts of a mesh or of a stored grid"
+DESCRIPTION = (
+    "Say what is true of a mesh: closed or open, oriented, boundary loops, degenerate facets, components,\n"
+    "area, volume. Of an .npz grid that `voxkernel kernel` wrote: voxels, transform, volume bounds."
+)
+EXAMPLES = ("voxkernel info bust.ply", "voxkernel info bust.ply --json", "voxkernel info kernel.npz")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("path", metavar="FILE", help="a mesh, or an .npz grid")
+    parser.add_argument("--json", action="store_true", help="one JSON document")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the facts."""
+    facts = grid_facts(args.path) if Path(args.path).suffix.lower() == ".npz" else mesh_facts(args.path)
+    document = {"file": args.path, **facts}
+    if args.json:
+        print_json(document)
+    else:
+        print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
+    return 0
+
+
+def mesh_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of a mesh; arrays of ids become counts."""
+    from voxkernel.mesh_input import as_mesh
+
+    facts = as_mesh(path).facts()
+    return {
+        "vertices": facts.n_vertices,
+        "triangles": facts.n_faces,
+        "facets": facts.n_facets,
+        "closed": facts.is_closed,
+        "boundary_loops": len(facts.boundary_loops),
+        "boundary_edges": facts.n_boundary_edges,
+        "nonmanifold_edges": facts.n_nonmanifold_edges,
+        "oriented": facts.is_oriented,
+        "outward": facts.is_outward,
+        "components": facts.n_components,
+        "euler_characteristic": facts.euler_characteristic,
+        "genus": facts.genus,
+        "degenerate_facets": len(facts.degenerate_facets),
+        "duplicate_facets": facts.n_duplicate_facets,
+        "nonplanar_facets": len(facts.nonplanar_facets),
+        "unreferenced_vertices": facts.n_unreferenced_vertices,
+        "area": facts.area,
+        "volume": facts.volume,
+        "area_centroid": facts.area_centroid.tolist(),
+        "lowest_corner": facts.bbox[0].tolist(),
+        "highest_corner": facts.bbox[1].tolist(),
+        "diagonal": facts.diagonal,
+    }
+
+
+def grid_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of a grid file."""
+    from voxkernel.cli.grid_file import read_grid_file
+
+    return read_grid_file(path)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return number(value, 10)
+    if isinstance(value, list):
+        return "  ".join(_text(item) for item in value)
+    return "-" if value is None else display(str(value))

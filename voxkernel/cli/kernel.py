@@ -1,0 +1,195 @@
+"""`voxkernel kernel`: the kernel of one mesh as a polytope or as voxels."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from voxkernel.cli.output import (
+    UsageError,
+    check_output,
+    display,
+    note_first_compilation,
+    number,
+    print_json,
+    print_table,
+    say,
+    to_json,
+)
+
+HELP = "the kernel of a mesh, exact or as voxels"
+DESCRIPTION = (
+    "Compute the kernel of a mesh: the points from which the whole surface can be seen.\n"
+    "Without grid options the kernel is exact: .ply is its polygon mesh, .json has everything with the\n"
+    "certificate. With --depth, --voxel-size or --rtol, or for .npz, it is a sparse voxel grid with\n"
+    "certain volume bounds. An empty kernel is an answer, not an error."
+)
+EXAMPLES = (
+    "voxkernel kernel bust.ply",
+    "voxkernel kernel bust.ply -o kernel.ply --picture kernel.png",
+    "voxkernel kernel bust.ply -o kernel.npz --depth 9",
+    "voxkernel kernel face.obj --domain hull -o kernel.json --picture kernel.html",
+    "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
+)
+_NAMES = ("point", "segment", "flat polygon", "solid")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
+    parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, kernel.json or kernel.npz")
+    parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)")
+    grid = parser.add_argument_group("voxel grid")
+    step = grid.add_mutually_exclusive_group()
+    step.add_argument("--depth", type=_depth, metavar="N", help="2**N voxels along the root cube, 3 to 20")
+    step.add_argument("--voxel-size", type=_positive, metavar="H", help="edge of a voxel, in mesh units")
+    step.add_argument("--rtol", type=_positive, metavar="R", help="refine until the volume bounds are that close, relatively")
+    grid.add_argument("--frame", choices=("world", "principal"), help="axes of the grid: the world's or the surface's own")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compute, print, write."""
+    output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz"))
+    picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
+    options = {name: getattr(args, name) for name in ("depth", "voxel_size", "rtol", "frame")}
+    options = {name: value for name, value in options.items() if value is not None}
+    as_grid = bool(options) or (output is not None and output.suffix.lower() == ".npz")
+    if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
+        raise UsageError(f"output must not be the mesh itself; got '{display(args.output)}'")
+    note_first_compilation(quiet=args.quiet)
+
+    from voxkernel.mesh_input import as_mesh
+
+    mesh = as_mesh(args.mesh)
+    if as_grid:
+        from voxkernel.octree import voxel_kernel
+
+        kernel: Any = voxel_kernel(mesh, domain=args.domain, **options)
+        document = _grid_document(kernel)
+        rows = _grid_rows(document)
+    else:
+        from voxkernel.polytope import exact_kernel
+
+        kernel = exact_kernel(mesh, domain=args.domain)
+        document = kernel.to_dict()
+        rows = _exact_rows(kernel)
+    document = {"file": args.mesh, **document}
+    if output is not None:
+        _write(kernel, document, output)
+        say(f"wrote {display(output)}", quiet=args.quiet)
+    if picture is not None:
+        from voxkernel.pictures import surface_picture
+
+        surface_picture(mesh, kernel, picture, title=display(Path(args.mesh).name))
+        say(f"wrote {display(picture)}", quiet=args.quiet)
+    if args.json:
+        print_json(document)
+    else:
+        print_table({"file": display(args.mesh), **rows})
+    return 0
+
+
+def _grid_document(grid: Any) -> dict[str, Any]:
+    from voxkernel.cli.grid_file import grid_summary
+
+    return grid_summary(grid)
+
+
+def _kind(dimension: int) -> str:
+    return "empty" if dimension < 0 else _NAMES[dimension]
+
+
+def _exact_rows(kernel: Any) -> dict[str, str]:
+    rows = {"kernel": _kind(kernel.dimension)}
+    if kernel.dimension >= 0:
+        rows |= {
+            "volume": number(kernel.volume, 10),
+            "area": number(kernel.area, 10),
+            "corners": f"{len(kernel.vertices)}",
+            "faces": f"{len(kernel.faces)}",
+            "deepest point": "  ".join(number(v, 10) for v in kernel.deepest_point),
+            "clearance": number(kernel.clearance, 10),
+        }
+    ids = kernel.certificate.facet_ids
+    if ids:
+        names = ", ".join(str(i) if i >= 0 else f"domain {-1 - i}" for i in ids)
+        rows["proof"] = f"facets {names}"
+    if kernel.domain is not None:
+        rows["domain"] = kernel.domain.kind + (" (it cuts the kernel)" if kernel.cut_by_domain else "")
+    if kernel.unclipped_dimension != kernel.dimension:
+        rows["without domain"] = _kind(kernel.unclipped_dimension)
+    return rows
+
+
+def _grid_rows(document: dict[str, Any]) -> dict[str, str]:
+    low, high = document["volume_bounds"]
+    rows = {
+        "kernel": _kind(document["dimension"]),
+        "volume": f"{number(low, 10)} to {number(high, 10)}",
+        "voxel size": number(document["voxel_size"], 10),
+        "depth": str(document["depth"]),
+        "voxels inside": f"{document['active_voxel_count']:,}",
+        "voxels undecided": f"{document['boundary_voxel_count']:,}",
+        "tiles, leaves": f"{document['tiles']:,}, {document['leaves']:,}",
+    }
+    if document["domain"] is not None:
+        rows["domain"] = document["domain"]
+    if document["reason"]:
+        rows["note"] = document["reason"]
+    return rows
+
+
+def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        path.write_text(to_json(document) + "\n", encoding="utf-8")
+    elif suffix == ".npz":
+        from voxkernel.cli.grid_file import write_grid_file
+
+        write_grid_file(kernel, path)
+    elif hasattr(kernel, "face_facets"):
+        path.write_bytes(_polygon_ply(kernel))
+    else:
+        kernel.to_mesh().write(path)
+
+
+def _polygon_ply(kernel: Any) -> bytes:
+    """Write the polytope with its polygons and the input facet of each (-1 - j: plane j of the domain).
+
+    An empty kernel gives a file without vertices.
+    """
+    import numpy as np
+
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment voxkernel kernel\n"
+        f"element vertex {len(kernel.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(kernel.faces)}\nproperty list int int vertex_indices\nproperty int input_facet\nend_header\n"
+    )
+    rows = [
+        np.concatenate([[len(face)], face, [facet]]) for face, facet in zip(kernel.faces, kernel.face_facets, strict=True)
+    ]
+    body = np.concatenate(rows).astype("<i4").tobytes() if rows else b""
+    return header.encode("ascii") + kernel.vertices.astype("<f8").tobytes() + body
+
+
+def _depth(text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if not 3 <= value <= 20:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 3 to 20; got {text}")
+    return value
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number above 0; got {text}")
+    return value

@@ -1,0 +1,111 @@
+"""What the commands share: messages on stderr, data on stdout, files checked before long work."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+__all__ = [
+    "UsageError", "check_folder", "check_output", "display", "note_first_compilation", "number", "print_json",
+    "print_table", "report_error", "say", "table_row",
+]  # fmt: skip
+
+
+class UsageError(Exception):
+    """Arguments that parse but cannot be meant."""
+
+
+def say(text: str, *, quiet: bool) -> None:
+    """Put one message on stderr."""
+    if not quiet:
+        print(f"voxkernel: {text}", file=sys.stderr, flush=True)
+
+
+def report_error(text: str) -> None:
+    """Put one line about an error on stderr."""
+    print(f"voxkernel: error: {' '.join(text.split())}", file=sys.stderr, flush=True)
+
+
+def display(text: str | os.PathLike[str]) -> str:
+    """Make a file name printable on one line: control characters and stray bytes become escapes."""
+    name = os.fsdecode(text)
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in name)
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Format a number for a table; "-" where there is none."""
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def table_row(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Pad all cells but the last."""
+    padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=False)]
+    return "  ".join([*padded, *cells[len(widths) :]]).rstrip()
+
+
+def print_table(rows: Mapping[str, Any]) -> None:
+    """Print names and values, one a line."""
+    width = max(len(name) for name in rows)
+    for name, value in rows.items():
+        print(f"{name.ljust(width)}  {value}")
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON document; NaN and infinity become null."""
+    print(to_json(document))
+
+
+def to_json(document: Any) -> str:
+    """Write JSON that any parser accepts."""
+    return json.dumps(_plain(document), indent=2, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def check_output(path: str, suffixes: Sequence[str]) -> Path:
+    """Refuse an output that cannot be written, before anything is computed."""
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise UsageError(f"output must end in {', '.join(suffixes)}; got '{display(path)}'")
+    if target.is_dir():
+        raise UsageError(f"output must be a file; got the folder '{display(path)}'")
+    if not target.parent.is_dir():
+        raise UsageError(f"output must be in an existing folder; got '{display(path)}'")
+    if not os.access(target if target.exists() else target.parent, os.W_OK):
+        raise UsageError(f"output must be writable; got '{display(path)}'")
+    return target
+
+
+def check_folder(path: str) -> Path:
+    """Make a folder for outputs; its parent must exist."""
+    folder = Path(path)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"output must be a folder; got the file '{display(path)}'")
+    if not folder.absolute().parent.is_dir():
+        raise UsageError(f"output must be in an existing folder; got '{display(path)}'")
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def note_first_compilation(*, quiet: bool) -> None:
+    """Say why the first run takes longer: the compiled loops are not in Numba's cache yet."""
+    from voxkernel import _loops
+
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(chosen) if chosen else Path(_loops.__path__[0]) / "__pycache__"
+    writable = bool(chosen) or os.access(_loops.__path__[0], os.W_OK)
+    if _loops.NUMBA_CACHE and writable and not any(folder.glob("**/*.nbi")):
+        say("compiling the loops, once for this installation; this takes some seconds", quiet=quiet)
