@@ -358,6 +358,31 @@ def test_far_from_the_origin_nothing_is_lost():
     assert facts.diagonal == pytest.approx(np.sqrt(3))
 
 
+@pytest.mark.parametrize("size", [2.0**-300, 2.0**-340, 2.0**340, 2.0**511])
+def test_tiny_and_huge_surfaces(size):
+    vertices, polygons = shapes.truncated_octahedron()
+    small = TriangleMesh.from_polygons(vertices, polygons)
+    mesh = TriangleMesh.from_polygons(vertices * size, polygons)
+    np.testing.assert_array_equal(mesh.plane_corners, small.plane_corners)
+    np.testing.assert_array_equal(mesh.faces, small.faces)
+    np.testing.assert_array_equal(mesh.plane_areas, small.plane_areas * size * size)
+    facts = mesh.facts()
+    assert facts.area == small.facts().area * size * size
+    assert facts.diagonal == small.facts().diagonal * size
+    assert facts.is_outward
+    np.testing.assert_array_equal(facts.area_centroid, small.facts().area_centroid * size)
+
+
+def test_sizes_that_floats_cannot_square():
+    vertices, faces = shapes.cube()
+    mesh = TriangleMesh.from_triangles((vertices - 0.5) * 1.7e308, faces)
+    facts = mesh.facts()
+    assert facts.is_outward
+    assert facts.area == facts.volume == np.inf
+    assert len(facts.degenerate_facets) == 0
+    np.testing.assert_allclose(facts.area_centroid / 1.7e308, 0.0, atol=1e-15)
+
+
 def test_open_surfaces():
     facts = triangles(shapes.open_box()).facts()
     assert not facts.is_closed

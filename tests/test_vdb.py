@@ -1,4 +1,3 @@
-import builtins
 import dataclasses
 import os
 import struct
@@ -93,10 +92,10 @@ def test_every_mode_of_inactive_values_survives(tmp_path, rng):
         [np.nan], [-0.0, 0.0], [np.inf, background, minus],
     ]  # fmt: skip
     leaf_values = np.stack([rng.choice(np.array(c, dtype=np.float32), 512) for c in choices])
-    grid = SparseGrid.from_tiles_and_leaves(
-        [], [], np.arange(len(choices))[:, None] * [8, 0, 0], rng.integers(0, 2**64, (len(choices), 8), np.uint64),
-        tile_values=[], leaf_values=leaf_values, background=background,
-    )  # fmt: skip
+    corners = np.arange(len(choices))[:, None] * [8, 0, 0]
+    masks = rng.integers(0, 2**64, (len(choices), 8), np.uint64)
+    values = {"tile_values": [], "leaf_values": leaf_values, "background": background}
+    grid = SparseGrid.from_tiles_and_leaves([], [], corners, masks, **values)
     modes = set()
     kept = _vdb_values._read_inactive
 
@@ -295,7 +294,8 @@ def test_grids_can_share_a_tree(tmp_path):
         ("ScaleMap", [1, 2, 3] + [0] * 12, np.diag([1, 2, 3, 1])),
         ("UniformScaleMap", [2, 2, 2] + [0] * 12, np.diag([2, 2, 2, 1])),
         ("TranslationMap", [4, 5, 6], [[1, 0, 0, 4], [0, 1, 0, 5], [0, 0, 1, 6], [0, 0, 0, 1]]),
-        ("UnitaryMap", [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+        ("UnitaryMap", [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+         [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
     ],
 )  # fmt: skip
 def test_all_linear_maps_are_known(kind, numbers, expected):
@@ -312,7 +312,7 @@ def test_missing_and_foreign_files(tmp_path):
     assert isinstance(caught.value, OSError | VoxKernelError)
     for content in (b"", b"solid", b"x" * 100):
         (tmp_path / "foreign.vdb").write_bytes(content)
-        with pytest.raises(GridReadError, match="`path` must be a .vdb file; got another magic number"):
+        with pytest.raises(GridReadError, match=r"`path` must be a .vdb file; got another magic number"):
             read_vdb(tmp_path / "foreign.vdb")
 
 
@@ -407,9 +407,9 @@ def test_bombs_and_broken_chunks_are_refused(compression):
     assert len(bomb) < 100_000
     assert read(bomb, len(plain)) == plain
     for size in (2048, len(plain) - 1, len(plain) + 1):
-        with pytest.raises(GridReadError, match="must unpack to|must be"):
+        with pytest.raises(GridReadError, match=r"must unpack to|must be"):
             read(bomb, size)
-    with pytest.raises(GridReadError, match="cannot be read|must be"):
+    with pytest.raises(GridReadError, match=r"cannot be read|must be"):
         read(bomb[:8] + b"\xff" * (len(bomb) - 8), len(plain))
     with pytest.raises(GridReadError, match="compressed values needs"):
         read(struct.pack("<q", 2**62), 100)
@@ -432,7 +432,8 @@ def test_deep_metadata_ends_with_the_file(tmp_path):
     raw = path.read_bytes()
     path.write_bytes(raw[:57] + struct.pack("<I", 50_000) + entry * 50_000 + raw[61:])
     assert read_vdb(path).metadata == {"k": ""}
-    path.write_bytes(raw[:57] + struct.pack("<I", 1) + _vdb_format.pack_text("k") + _vdb_format.pack_text("int64") + struct.pack("<I", 3) + b"abc")  # fmt: skip
+    entry = _vdb_format.pack_text("k") + _vdb_format.pack_text("int64") + struct.pack("<I", 3) + b"abc"
+    path.write_bytes(raw[:57] + struct.pack("<I", 1) + entry + raw[61:])
     with pytest.raises(GridReadError, match="metadata 'k' must be 8 bytes of int64; got 3"):
         read_vdb(path)
 
@@ -456,7 +457,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
     def fail(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr(_vdb_format.Path if hasattr(_vdb_format, "Path") else type(path), "replace", fail)
+    monkeypatch.setattr(type(path), "replace", fail)
     with pytest.raises(OSError, match="disk full"):
         write_vdb(path, SparseGrid.from_ijk([[1, 1, 1]]))
     assert path.read_bytes() == before
@@ -481,4 +482,3 @@ def test_wrong_arguments_are_named(tmp_path):
     with pytest.raises(ValueError, match="`compression` must be one of"):
         write_vdb(path, grid, compression="lz4")
     assert not path.exists()
-    assert builtins  # the reader imports nothing heavy, see test_grid

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from voxkernel._checks import read_only
-from voxkernel._polygons import triangle_areas
+from voxkernel._polygons import scale_exponent, scaled_triangle_areas, unscaled
 from voxkernel._zero_area import exact_integers, is_degenerate
 
 __all__ = ["HalfEdges", "MeshFacts", "half_edges", "mesh_facts"]
@@ -243,7 +243,7 @@ def _component_signs(
     sizes = 6.0 * reach[faces[:, 0]] * reach[faces[:, 1]] * reach[faces[:, 2]]
     terms = np.bincount(labels, weights=np.abs(six_volumes), minlength=n_parts)
     rounding = np.bincount(labels, weights=sizes, minlength=n_parts)
-    bound = 2.0**-52 * (n_faces * terms + 32.0 * rounding)
+    bound = 2.0**-52 * (n_faces * terms + 32.0 * rounding) + 1e-290
     if (sums < -bound).any():
         return False
     for part in np.flatnonzero(sums <= bound):
@@ -292,8 +292,12 @@ def mesh_facts(
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.reshape(-1)] = True
     bbox = np.stack([vertices[used].min(axis=0), vertices[used].max(axis=0)])
-    local = vertices - (0.5 * bbox[0] + 0.5 * bbox[1])
-    areas = triangle_areas(vertices, faces)
+    exponent = scale_exponent(bbox)
+    size = 0.5 * bbox[1] - 0.5 * bbox[0]
+    centre = 0.5 * bbox[0] + 0.5 * bbox[1]
+    scaled = np.ldexp(vertices if used.all() else np.where(used[:, None], vertices, centre), -exponent)
+    local = scaled - np.ldexp(centre, -exponent)
+    areas = scaled_triangle_areas(scaled, faces, 0)
     area = float(areas.sum())
     middle = local[faces[:, 0]] + local[faces[:, 1]] + local[faces[:, 2]]
     centroid = (areas @ middle) / (3.0 * area) if area > 0.0 else middle.mean(axis=0) / 3.0
@@ -318,7 +322,7 @@ def mesh_facts(
         n_parts, labels = _edge_parts(edges, len(solid))
         a, b, c = (local[solid[:, k]] for k in range(3))
         six_volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
-        volume = float(six_volumes.sum()) / 6.0
+        volume = float(unscaled(six_volumes.sum() / 6.0, 3 * exponent))
         is_outward = _component_signs(vertices, solid, local, six_volumes, n_parts, labels)
         if n_components == 1 and _is_vertex_manifold(edges, solid, int(on_solid.sum())):
             genus = (2 - euler) // 2
@@ -337,11 +341,11 @@ def mesh_facts(
         n_components=n_components,
         euler_characteristic=euler,
         genus=genus,
-        area=area,
+        area=float(unscaled(area, 2 * exponent)),
         volume=volume,
-        area_centroid=read_only(0.5 * bbox[0] + 0.5 * bbox[1] + centroid),
+        area_centroid=read_only(centre + np.ldexp(centroid, exponent)),
         bbox=read_only(bbox),
-        diagonal=float(np.linalg.norm(bbox[1] - bbox[0])),
+        diagonal=float(unscaled(np.linalg.norm(np.ldexp(size, -exponent)), exponent + 1)),
         n_unreferenced_vertices=int(len(vertices) - used.sum()),
         n_duplicate_facets=_n_duplicate_facets(faces, facet_ids),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from math import sqrt
 
@@ -31,6 +32,12 @@ def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel |
     assert inside.point is not None  # the caller asks for non-empty kernels only
     if inside.dimension == 0:
         return [inside.point], []
+    groups = planes.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    if len(heads) < len(planes):
+        working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
+        kernel = rational_kernel(planes.select(heads), replace(inside, working_set=working_set))
+        return None if kernel is None else (kernel[0], [(int(heads[r]), f) for r, f in kernel[1]])
     rows = inside.working_set[:256]
     while True:
         polytope = _clip_rows(planes, rows, inside)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._ply import Polygons, format_ply, parse_ply, parse_rows, ranges
+from voxkernel._ply import Polygons, format_ply, parse_ply, parse_rows, ranges, whole_numbers
 from voxkernel.errors import MeshReadError
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
@@ -65,14 +65,6 @@ def _polygons(vertices: Any, flat: Any, sizes: Any) -> Polygons:
     )
 
 
-def _whole(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices read as float64: exact below 2**53, and refused where they are not whole."""
-    whole = (values == np.trunc(values)) & (np.abs(values) < 2.0**53)
-    if not whole.all():
-        raise ValueError(f"index {values[~whole][0]} is not a whole number")
-    return values.astype(np.int64)
-
-
 def _coordinates(lines: list[str]) -> NDArray[np.float64]:
     """First three numbers of each line; colours and weights may follow."""
     values, width = parse_rows(lines)
@@ -102,10 +94,10 @@ def _parse_off(data: bytes) -> Polygons:
         raise ValueError(f"it ends before its {n_vertices} vertices and {n_faces} faces do")
     values, width = parse_rows(lines[middle : middle + n_faces])
     starts = np.cumsum(width) - width
-    sizes = _whole(values[starts])
+    sizes = whole_numbers(values[starts])
     if (sizes < 0).any() or (sizes >= width).any():
         raise ValueError("a face has fewer indices than it says")
-    flat = _whole(values[ranges(starts + 1, sizes)])
+    flat = whole_numbers(values[ranges(starts + 1, sizes)])
     return _polygons(_coordinates(lines[first:middle]), flat, sizes)
 
 
@@ -130,7 +122,7 @@ def _parse_obj(data: bytes) -> Polygons:
     if any("/" in line for line in faces):
         faces = re.sub(r"/[^\s]*", "", "\n".join(faces)).split("\n")
     values, sizes = parse_rows(faces)
-    flat = _whole(values)
+    flat = whole_numbers(values)
     if (flat == 0).any():
         raise ValueError("vertex index 0 (they start at 1)")
     before = np.repeat(np.array(seen, dtype=np.int64), sizes)

@@ -67,11 +67,12 @@ def _clean(text: str) -> str:
 
 def _space(scene: Scene) -> dict[str, Any]:
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
-    reach = float((high - low).max()) or 1.0
-    eye = 1.4 * scene.view * max(0.6, float(np.linalg.norm(high - low)) / (reach * 3.0**0.5))
+    ratio = (high - low) / (float((high - low).max()) or 1.0)
+    eye = 0.95 * float(np.linalg.norm(ratio)) * scene.view
     hidden = {"visible": False}
     return {
-        "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
+        "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "manual",
+        "aspectratio": dict(zip("xyz", np.maximum(ratio, 1e-3).tolist(), strict=True)),
         "camera": {
             "eye": dict(zip("xyz", eye.tolist(), strict=True)),
             "up": dict(zip("xyz", scene.up.tolist(), strict=True)),
@@ -82,10 +83,11 @@ def _space(scene: Scene) -> dict[str, Any]:
 
 def _traces(go: Any, scene: Scene) -> list[Any]:
     light = {
-        "ambient": 0.6, "diffuse": 0.7, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
+        "ambient": 0.48, "diffuse": 0.8, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
         "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
     }  # fmt: skip
-    shine = dict(zip("xyz", (1e5 * (scene.view + 0.7 * scene.up)).tolist(), strict=True))
+    over_shoulder = scene.view + 1.1 * scene.up - 0.6 * np.cross(scene.up, scene.view)
+    shine = dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
     has_kernel = len(scene.kernel_vertices) > 0
     traces = [
         _mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=0.3 if has_kernel else 0.5, lighting=light, lightposition=shine)

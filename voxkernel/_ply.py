@@ -4,12 +4,12 @@ Own code because meshio 5.3 reads ``uchar`` as signed, knows ``vertex_indices`` 
 and VTK and Open3D round to float32 or cut polygons into triangles.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Polygons", "format_ply", "parse_ply", "parse_rows", "ranges"]
+__all__ = ["Polygons", "format_ply", "parse_ply", "parse_rows", "ranges", "whole_numbers"]
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"), **dict.fromkeys(("uchar", "uint8"), "u1"),
@@ -80,9 +80,7 @@ def parse_ply(data: bytes) -> Polygons:
             if not isinstance(column, tuple):
                 raise ValueError("face indices are not a list")
             flat, sizes = column
-            if flat.dtype.kind == "f" and (flat != np.trunc(flat)).any():
-                raise ValueError("face indices are not whole numbers")
-            faces = flat.astype(np.int64), sizes.astype(np.int64)
+            faces = whole_numbers(flat), whole_numbers(sizes)
     if vertices is None:
         vertices = np.zeros((0, 3))
     if faces is None:
@@ -138,7 +136,7 @@ def _text(lines: list[str], element: _Element) -> _Columns:
             columns.append(values[cursor])
             cursor = cursor + 1
             continue
-        sizes = values[cursor].astype(np.int64)
+        sizes = whole_numbers(values[cursor])
         cursor = cursor + 1
         if (sizes < 0).any() or (cursor + sizes > stop).any():
             raise ValueError(f"a line of element {element.name} is too short")
@@ -160,6 +158,15 @@ def parse_rows(lines: list[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]
     rows = [line.split() for line in lines]
     width = np.fromiter(map(len, rows), dtype=np.int64, count=len(rows))
     return np.array([word for row in rows for word in row], dtype=np.float64), width
+
+
+def whole_numbers(values: NDArray[Any]) -> NDArray[np.int64]:
+    """Indices of any dtype as int64; refused where a float is not whole or a number is too large."""
+    if values.dtype.kind == "f" or values.dtype.itemsize == 8:
+        whole = (values == np.trunc(values)) & (np.abs(values) < 2.0**53)
+        if not whole.all():
+            raise ValueError(f"index {values[~whole][0]} is not a whole number below 2**53")
+    return values.astype(np.int64)
 
 
 def ranges(starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:

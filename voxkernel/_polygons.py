@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_integers
 from voxkernel.errors import MeshError
 
-__all__ = ["CutPolygons", "flatten_polygons", "polygon_planes", "triangle_areas"]
+__all__ = [
+    "CutPolygons",
+    "flatten_polygons",
+    "polygon_planes",
+    "scale_exponent",
+    "scaled_triangle_areas",
+    "triangle_areas",
+    "unscaled",
+]
 
 
 class CutPolygons(NamedTuple):
@@ -42,9 +50,28 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
     return as_integers("polygons", joined, shape="(n,)", ndim=1, error=MeshError), sizes
 
 
+def scale_exponent(vertices: NDArray[np.float64]) -> int:
+    """The e with max |coordinate| in [2**(e-1), 2**e): products of coordinates / 2**e cannot overflow."""
+    return int(np.frexp(max(float(vertices.max()), -float(vertices.min())))[1])
+
+
+def unscaled(values: Any, exponent: int) -> Any:
+    """``values * 2**exponent``; infinite where that is too large for a float."""
+    with np.errstate(over="ignore", under="ignore"):
+        return np.ldexp(values, exponent)
+
+
 def triangle_areas(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
     """(m,) areas; differences first, so a mesh far from the origin loses nothing."""
-    x, y, z = (np.ascontiguousarray(column) for column in vertices.T)
+    exponent = scale_exponent(vertices)
+    return unscaled(scaled_triangle_areas(vertices, triangles, exponent), 2 * exponent)
+
+
+def scaled_triangle_areas(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], exponent: int
+) -> NDArray[np.float64]:
+    """(m,) areas in units of ``4**exponent``."""
+    x, y, z = (np.ldexp(column, -exponent) for column in vertices.T)
     a, b, c = (np.ascontiguousarray(column) for column in triangles.T)
     xa, ya, za = x[a], y[a], z[a]
     ux, uy, uz = x[b] - xa, y[b] - ya, z[b] - za
@@ -57,6 +84,8 @@ def polygon_planes(
     points: NDArray[np.float64], flat: NDArray[np.int64], sizes: NDArray[np.int64], rtol: float
 ) -> CutPolygons:
     """Group polygons by size, so that everything but ear clipping is whole-array work."""
+    exponent = scale_exponent(points)
+    points = np.ldexp(points, -exponent)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     first_triangle = np.concatenate([[0], np.cumsum(sizes - 2)])
     triangles = np.empty((int(first_triangle[-1]), 3), dtype=np.int64)
@@ -72,7 +101,7 @@ def polygon_planes(
             planar[ids], corners[ids] = _planes(loops, local, newell, rtol)
         else:
             corners[ids] = loops
-        areas[ids] = np.linalg.norm(newell, axis=1)
+        areas[ids] = unscaled(np.linalg.norm(newell, axis=1), 2 * exponent)
         rows = first_triangle[ids, None] + np.arange(size - 2)
         triangles[rows] = _triangulate(loops, local, newell)
     facet_ids = np.repeat(np.arange(len(sizes), dtype=np.int64), sizes - 2)
@@ -86,7 +115,7 @@ def polygon_planes(
     plane_areas = np.empty(len(plane_facets), dtype=np.float64)
     plane_corners[whole], plane_areas[whole] = corners[planar], areas[planar]
     cut = triangles[~planar[facet_ids]]
-    plane_corners[~whole], plane_areas[~whole] = cut, triangle_areas(points, cut)
+    plane_corners[~whole], plane_areas[~whole] = cut, unscaled(triangle_areas(points, cut), 2 * exponent)
     nonplanar = np.flatnonzero(~planar)
     return CutPolygons(triangles, facet_ids, plane_corners, plane_facets, plane_areas, nonplanar)
 

@@ -148,10 +148,10 @@ def _pack_entry(key: object, value: object) -> tuple[str, bytes]:
         return "double", struct.pack("<d", value)
     if isinstance(value, list | tuple):
         numbers = np.asarray(value)
-        if numbers.dtype.kind in "iu" and numbers.shape in ((2,), (3,), (4,)):
-            if np.abs(numbers.astype(np.float64)).max() < 2**31:
-                return f"vec{len(numbers)}i", numbers.astype("<i4").tobytes()
-        elif numbers.dtype.kind in "fiu" and numbers.shape in ((2,), (3,), (4,), (16,), (4, 4)):
+        is_int = numbers.dtype.kind in "iu" and (np.abs(numbers.astype(np.float64)) < 2**31).all()
+        if is_int and numbers.shape in ((2,), (3,), (4,)):
+            return f"vec{len(numbers)}i", numbers.astype("<i4").tobytes()
+        if numbers.dtype.kind in "fiu" and numbers.shape in ((2,), (3,), (4,), (16,), (4, 4)):
             kind = f"vec{len(numbers)}d" if numbers.size < 16 else "mat4d"
             return kind, numbers.astype("<f8").tobytes()
     raise TypeError(

@@ -106,7 +106,7 @@ def _unblosc(packed: memoryview, n_bytes: int) -> bytes:
         )
     try:
         plain = blosc.decompress(bytes(packed))
-    except (blosc.error, ValueError, RuntimeError) as error:
+    except (blosc.blosc_extension.error, ValueError, RuntimeError) as error:
         raise GridReadError(f"Blosc-compressed values cannot be read: {error}") from error
     if len(plain) != n_bytes:
         raise GridReadError(f"a chunk of values must unpack to {n_bytes} bytes; got {len(plain)}")

@@ -50,16 +50,17 @@ def _split(
         rows: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
         for size in range(unit, min(largest, int(log2.max(initial=0))) + 1):
             chosen = np.flatnonzero(log2 == size)
+            if not len(chosen):
+                continue
             n_pieces = 8 ** (size - unit)
             if len(chosen) * n_pieces > _MAX_PIECES:
                 raise ValueError(
-                    f"`grids` must have fewer large tiles: OpenVDB's largest is 4096^3; got "
-                    f"{len(chosen)} of 2^{size}"
+                    f"`grids` must have fewer large tiles, as OpenVDB's largest is 4096^3; "
+                    f"got {len(chosen)} of edge 2^{size}"
                 )
             steps = np.indices((1 << (size - unit),) * 3, dtype=np.int32).reshape(3, -1).T << unit
-            if len(chosen):
-                pieces.append((ijk[chosen][:, None] + steps).reshape(-1, 3))
-                rows.append(np.repeat(chosen, n_pieces))
+            pieces.append((ijk[chosen][:, None] + steps).reshape(-1, 3))
+            rows.append(np.repeat(chosen, n_pieces))
         corners, row = np.concatenate(pieces), np.concatenate(rows)
         key = _keys(corners)
         order = np.argsort(key, kind="stable")

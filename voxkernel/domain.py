@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,8 +109,12 @@ def ball_domain(mesh: TriangleMesh, *, factor: float = BALL_FACTOR) -> Domain:
     centroid, frame = surface_frame(mesh)
     used = mesh.vertices[np.unique(mesh.faces)]
     radius = factor * float(np.sqrt(((used - centroid) ** 2).sum(axis=1).max()))
-    normals = _geodesic_directions(_SUBDIVISIONS) @ frame
-    return _make("ball", normals, normals @ centroid + radius)
+    unit = _unit_ball()
+    normals = unit.normals @ frame
+    return Domain(
+        "ball", read_only(normals), read_only(normals @ centroid + radius),
+        read_only(unit.vertices @ frame * radius + centroid), unit.volume * radius**3,
+    )  # fmt: skip
 
 
 def hull_domain(mesh: TriangleMesh) -> Domain:
@@ -225,6 +230,13 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
             frame[row] *= -1
     frame[2] = np.cross(frame[0], frame[1])
     return origin + mean, frame
+
+
+@lru_cache(maxsize=1)
+def _unit_ball() -> Domain:
+    """Make the geodesic polytope around the unit ball once; every ball domain is similar to it."""
+    normals = _geodesic_directions(_SUBDIVISIONS)
+    return _make("ball", normals, np.ones(len(normals)))
 
 
 def _make(

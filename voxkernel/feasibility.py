@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import gcd
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,12 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
     rows, passes, answer = _float_stage(halfspaces)
     if answer is not None:
         return answer
-    return _exact_stage(halfspaces, rows, passes)
+    # Exactly coplanar facets would all be touched and tried one by one: one of each plane is enough.
+    groups = halfspaces.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    found = _exact_stage(halfspaces.select(heads), np.unique(np.searchsorted(heads, groups[rows])), passes)
+    witnesses = tuple(Witness(tuple(int(heads[i]) for i in w.ids), w.multipliers) for w in found.witnesses)
+    return replace(found, witnesses=witnesses, working_set=heads[found.working_set])
 
 
 def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
@@ -127,11 +133,33 @@ def _empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | 
     if not len(ids):
         return None
     planes = halfspaces.integer_planes(ids)
+    multipliers = _cofactors(planes)
+    if multipliers is not None:
+        return Witness(tuple(int(i) for i in ids), multipliers)
     unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
     optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in planes], 3, unit=unit)
     if optimum.clearance >= 0:
         return None
     return _witness(ids, optimum.multipliers)
+
+
+def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | None:
+    """Multipliers of four planes in general position that have no common point; None for any other."""
+    if len(planes) != 4:
+        return None
+    signed: list[int] = []
+    for skip in range(4):
+        a, b, c = (p for i, p in enumerate(planes) if i != skip)
+        determinant = (
+            a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        signed.append(-determinant if skip % 2 else determinant)
+    if all(v < 0 for v in signed):
+        signed = [-v for v in signed]
+    if not all(v > 0 for v in signed) or sum(m * p[3] for m, p in zip(signed, planes, strict=True)) >= 0:
+        return None
+    divisor = gcd(*signed)
+    return tuple(v // divisor for v in signed)
 
 
 def _witness(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:

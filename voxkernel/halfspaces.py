@@ -22,6 +22,7 @@ __all__ = ["HalfSpaces", "IntegerPlane", "as_halfspaces"]
 IntegerPlane = tuple[int, int, int, int]
 
 _EXPLICIT_ERROR = 32 * 2.0**-53
+_LARGEST = 2.0**200
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -364,6 +365,12 @@ def _power_of_two(value: float) -> float:
 
 
 def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    largest = max(np.abs(low).max(), np.abs(high).max())
+    if largest > _LARGEST or (high - low).max() < 1 / _LARGEST:
+        raise MeshError(
+            "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
+            f"got a largest coordinate of {largest:.3g} and a span of {(high - low).max():.3g} (rescale first)"
+        )
     origin = low + 0.5 * (high - low)
     reach = float(np.linalg.norm(np.maximum(high - origin, origin - low)))
     return origin, _power_of_two(reach * (1 + 1e-12))

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from voxkernel._checks import as_depth, as_positive
 from voxkernel._facts import half_edges
 from voxkernel._mesh_files import Polygons, merge_equal_corners
+from voxkernel._polygons import scale_exponent
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
@@ -201,7 +202,9 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
     one_sided = kept == turned
     part = np.minimum(kept, turned)
     first = kept <= turned  # the choice of a part's lower label
-    local = vertices - vertices[faces].mean(axis=(0, 1))
+    exponent = scale_exponent(vertices)
+    local = np.ldexp(vertices, -exponent)
+    local = local - local[faces].mean(axis=(0, 1))
     p, q, r = local[faces[:, 0]], local[faces[:, 1]], local[faces[:, 2]]
     normals = np.cross(q - p, r - p)
     sign = np.where(first, 1.0, -1.0)

@@ -172,7 +172,7 @@ def coplanar_groups(normals, offsets, vertices, corners, order, keys, window, gr
             continue
         tried = 0
         h = n_heads - 1
-        while h >= 0 and tried < 16 and keys[p] - keys[heads[h]] <= window:
+        while h >= 0 and tried < 6 and keys[p] - keys[heads[h]] <= window:
             j = order[heads[h]]
             h -= 1
             tried += 1

@@ -1,0 +1,67 @@
+"""The cube an octree divides, and half-spaces expressed in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._checks import as_depth, as_positive, read_only
+from voxkernel.halfspaces import HalfSpaces
+
+__all__ = ["DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_planes", "root_cube"]
+
+DEFAULT_DEPTH = 7
+MIN_DEPTH, MAX_DEPTH = 3, 20
+_UNIT = 2.0**-53
+
+
+@dataclass(frozen=True, slots=True)
+class RootCube:
+    """The cube an octree divides: lower corner and edge in world units, rows of `axes` are its directions."""
+
+    corner: NDArray[np.float64]
+    edge: float
+    axes: NDArray[np.float64]
+
+    def to_world(self, unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map points of the unit cube to world coordinates."""
+        return self.corner + (unit * self.edge) @ self.axes
+
+
+def root_cube(
+    corners: NDArray[np.float64], axes: NDArray[np.float64], *, depth: int | None = None, voxel_size: float | None = None
+) -> tuple[RootCube, int]:
+    """Place the root cube around points and choose its depth from whichever of the two is given."""
+    along = corners @ axes.T if len(corners) else np.zeros((1, 3))
+    low, high = along.min(axis=0), along.max(axis=0)
+    middle = 0.5 * (low + high)
+    edge = float((high - low).max()) * (1 + 1e-9) or 1.0
+    if voxel_size is None:
+        levels = DEFAULT_DEPTH if depth is None else as_depth("depth", depth, MIN_DEPTH, MAX_DEPTH)
+    else:
+        size = as_positive("voxel_size", voxel_size)
+        levels = max(MIN_DEPTH, int(np.ceil(np.log2(edge / size))))
+        if levels > MAX_DEPTH:
+            raise ValueError(f"`voxel_size` must be at least {edge / 2**MAX_DEPTH:.6g} for this surface; got {size}")
+        edge = size * 2**levels
+    return RootCube(read_only((middle - 0.5 * edge) @ axes), edge, axes), levels
+
+
+def cube_planes(
+    planes: HalfSpaces, cube: RootCube, depth: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Express half-spaces in the unit cube: normals, offsets, |a|_1 and the pad that covers all rounding.
+
+    The pad adds the bound of the plane itself, the change of coordinates, and the sums made while
+    descending; each is a few units in the last place of numbers of the size of the cube.
+    """
+    scale = planes.scale / cube.edge
+    normals = planes.local_normals @ cube.axes.T
+    shift = (planes.origin - cube.corner) / cube.edge
+    along = shift @ cube.axes.T
+    offsets = planes.local_offsets * scale + normals @ along
+    far = float(np.linalg.norm(along)) + 2.0
+    pads = planes.local_errors * (far + scale) + _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
+    return normals, offsets, np.abs(normals).sum(axis=1), pads
