@@ -438,6 +438,30 @@ def test_a_truncated_binary_ply_is_refused(tmp_path, cut, sides):
         as_mesh(path)
 
 
+@pytest.mark.parametrize(
+    ("suffix", "data"),
+    [
+        (".ply", ply_text()),
+        (".ply", ply_binary("<")),
+        (".ply", ply_binary(">", SIDES[1:])),
+        (".off", OFF.encode()),
+        (".obj", OBJ.encode()),
+    ],
+)
+def test_damaged_files_give_a_mesh_or_one_line(tmp_path, rng, suffix, data):
+    path = tmp_path / f"damaged{suffix}"
+    words = [b"-1", b"99999999999999999999", b"nan", b"1e308", b"x", b"3", b" ", b"\n", b"list", b"\xff"]
+    for _ in range(150):
+        damaged = bytearray(data)
+        for at in rng.integers(len(data), size=rng.integers(1, 4)):
+            damaged[at : at + int(rng.integers(0, 8))] = words[rng.integers(len(words))]
+        path.write_bytes(damaged)
+        try:
+            as_mesh(path).facts()
+        except (MeshError, MeshReadError) as error:
+            assert "\n" not in str(error)
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".wrl", ".glb", ".stl"])
 def test_missing_files_and_folders(tmp_path, suffix):
     with pytest.raises(MeshReadError, match=r"`path` must be an existing file; got '.*missing"):

@@ -29,11 +29,12 @@ UNITS = 1 << 60
 class WeighedPlanes:
     """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
 
-    A sum of `weights` differs from the sum of the true shares by at most `slack` units.
+    `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from the sum of the true shares by at most `slack` units.
     """
 
     facets: HalfSpaces
     weights: NDArray[np.int64]
+    shares: NDArray[np.float64]
     slack: int
 
     def share_bounds(self, low: int, high: int) -> tuple[float, float]:
@@ -78,15 +79,16 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
         halfspaces, values = halfspaces.select(values > 0), values[values > 0]
     values = values / values.max()  # keeps sums finite
     total = fsum(values)
-    shares = np.maximum(np.rint(values / total * UNITS), 1.0).astype(np.int64)
-    slack = len(shares) + 1024  # half a unit or one each; the quotients, 2**-53 of UNITS, a few times
+    shares = values / total * (1.0 - 1e-14)
+    units = np.maximum(np.rint(values / total * UNITS), 1.0).astype(np.int64)
+    slack = len(units) + 1024  # half a unit or one each; the quotients, 2**-53 of UNITS, a few times
     groups = halfspaces.coplanar_groups()
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     if len(heads) < len(groups):
         sums = np.zeros(len(groups), np.int64)
-        np.add.at(sums, groups, shares)
-        halfspaces, shares = halfspaces.select(heads), sums[heads]
-    return WeighedPlanes(halfspaces, shares, slack)
+        np.add.at(sums, groups, units)
+        halfspaces, units, shares = halfspaces.select(heads), sums[heads], shares[heads]
+    return WeighedPlanes(halfspaces, units, shares, slack)
 
 
 def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | None) -> NDArray[np.float64]:

@@ -1,0 +1,307 @@
+"""How much of a surface points do not face: `violation`, its certified minimum, and its field."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
+from voxkernel._cube import root_cube
+from voxkernel._relaxed import cube_arrays
+from voxkernel._weights import UNITS, WeighedPlanes, halfspaces_of, relaxed_domain, weigh
+from voxkernel.domain import Domain, surface_frame
+from voxkernel.feasibility import find_feasibility
+from voxkernel.grid import SparseGrid
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh import TriangleMesh
+from voxkernel.polytope import kernel_of_halfspaces
+
+__all__ = ["StarCenter", "best_center", "center_of_planes", "violation", "violation_grid"]
+
+_UNIT_ROUNDOFF = 2.0**-53
+_THREAD_CHUNK = 1 << 15
+_LEVELS = (10, 18, 26, 34, 42)
+_MAX_CELLS = 2_000_000
+
+Weights = Literal["area", "count"] | ArrayLike
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StarCenter:
+    """The point that faces the most of a surface, and bounds on what it cannot face.
+
+    Attributes
+    ----------
+    point : (3,) float64
+        World coordinates, inside the domain.
+    violation_bounds : (float, float)
+        Certain bounds on the smallest violation in the domain, as a share of the whole weight. The upper
+        one is reached at `point`. Both are 0 exactly when the kernel is not empty.
+    domain : Domain or None
+        Where the point was looked for; None when a kernel was found without one.
+    n_cells : int
+        Octree cells looked at; 0 when the kernel is not empty.
+    reason : str
+        Why the bounds are further apart than asked for; "" when they are not.
+    """
+
+    point: NDArray[np.float64]
+    violation_bounds: tuple[float, float]
+    domain: Domain | None
+    n_cells: int
+    reason: str
+
+    def __repr__(self) -> str:
+        """Name the point and the bounds."""
+        low, high = self.violation_bounds
+        place = ", ".join(f"{v:.6g}" for v in self.point)
+        return f"StarCenter(point=({place}), violation_bounds=({low:.6g}, {high:.6g}))"
+
+    @property
+    def gap(self) -> float:
+        """Distance between the bounds."""
+        return self.violation_bounds[1] - self.violation_bounds[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything as plain numbers, ready for JSON."""
+        return {
+            "point": self.point.tolist(),
+            "violation_bounds": list(self.violation_bounds),
+            "domain": None if self.domain is None else self.domain.kind,
+            "n_cells": self.n_cells,
+            "reason": self.reason,
+        }
+
+
+def violation(
+    surface: Any, points: ArrayLike, *, weights: Weights = "area", facets: Any = None, threads: int = 1
+) -> NDArray[np.float64]:
+    """Compute the share of a surface that points do not face.
+
+    The violation of x is the weight of the facets with `n . x > d`, over the weight of all. It is 0 exactly
+    in the kernel.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    points : (n, 3) array_like
+        World coordinates.
+    weights : {"area", "count"} or (k,) array_like
+        What a facet counts: its area, 1, or the number >= 0 given for each facet id.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+    threads : int
+        Threads for large batches; the result does not depend on it.
+
+    Returns
+    -------
+    (n,) float64
+        In [0, 1]. Empty for n = 0.
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        If the surface, the points or the weights cannot be used.
+
+    Notes
+    -----
+    Every sign is exact for the doubles given; a point on a facet's plane does not violate it. Weights are
+    rounded to 60 bits of their sum: the result is within (k + 1024) 2**-60 of the exact share, for k facets
+    with the weights of `HalfSpaces.weights`, rounded once to a double. Points are divided like a kd-tree and
+    each part keeps the planes that may cross it, so that a million points cost far less than a sweep.
+
+    References
+    ----------
+    .. [1] N. Werghi, "The Discrete Surface Kernel: Framework and Applications", 2008, section 2.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> voxkernel.violation(tetrahedron, [[0.1, 0.1, 0.1], [0.1, 0.1, -1.0]], weights="count")
+    array([0.  , 0.25])
+    """
+    xyz = as_points("points", points)
+    n_threads = as_depth("threads", threads, 1, 256)
+    halfspaces, mesh = halfspaces_of(surface, facets)
+    units = violated_units(weigh(halfspaces, weights, mesh=mesh), xyz, threads=n_threads)
+    return units / UNITS
+
+
+def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
+    """Add up the integer weights that points violate, every sign exact."""
+    from voxkernel._loops.violation import violated_weights
+
+    facets = planes.facets
+    with np.errstate(over="ignore", invalid="ignore"):
+        local = np.ascontiguousarray(facets.to_local(points).T)
+    sums = np.zeros(len(points), np.int64)
+    arrays = (
+        local, points, facets.local_normals, facets.local_offsets, facets.local_errors, planes.weights,
+        facets.corner_ids(), facets.vertices, _expansions_hold(facets.vertices) and _expansions_hold(points),
+    )  # fmt: skip
+    parts = _parts_of(local, max(1, min(4 * threads, len(points) // _THREAD_CHUNK)) if threads > 1 else 1)
+    if len(parts) == 1:
+        open_pairs = violated_weights(*arrays, parts[0], sums)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            open_pairs = np.concatenate(list(pool.map(lambda part: violated_weights(*arrays, part, sums), parts)))
+    for p, i in open_pairs:
+        a, b, c, d = facets.integer_planes([i])[0]
+        x, y, z = facets.world_to_lattice([Fraction(float(v)) for v in points[p]])
+        if a * x + b * y + c * z > d:
+            sums[p] += planes.weights[i]
+    return sums
+
+
+def _expansions_hold(values: NDArray[np.float64]) -> bool:
+    """Whether products of these coordinates neither overflow nor underflow in expansion arithmetic."""
+    used = np.abs(values)
+    return used.size == 0 or (used.max() <= 2.0**200 and np.min(used, where=used > 0, initial=1.0) >= 2.0**-200)
+
+
+def _parts_of(local: NDArray[np.float64], count: int) -> list[NDArray[np.int64]]:
+    """Divide points into slabs along their longest extent."""
+    n = local.shape[1]
+    if count == 1:
+        return [np.arange(n)]
+    axis = int(np.argmax(np.ptp(local, axis=1)))
+    cuts = [n * k // count for k in range(1, count)]
+    return np.split(np.argpartition(local[axis], cuts), cuts)
+
+
+def best_center(
+    surface: Any,
+    *,
+    gap: float = 1e-4,
+    relative_gap: float = 0.0,
+    domain: Any = None,
+    weights: Weights = "area",
+    facets: Any = None,
+) -> StarCenter:
+    """Find the point that faces the most of a surface, with certain bounds on the smallest violation.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    gap : float
+        Stop when the bounds are this close, as a share of the whole weight, > 0.
+    relative_gap : float
+        Stop as well when they are this close relative to the upper one, in [0, 1). Ask for
+        `gap=1e-12, relative_gap=0.1` to order surfaces that are nearly star-shaped.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        Where the point may be: the convex hull of surfaces that bound a volume and a ball polytope about
+        open ones by default.
+    weights : {"area", "count"} or (k,) array_like
+        As for `violation`.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+
+    Returns
+    -------
+    StarCenter
+        When the kernel is not empty, its deepest point and bounds of exactly (0, 0).
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        If the surface, the domain, a gap or the weights cannot be used.
+
+    Notes
+    -----
+    Global, not a local search: branch and bound over octree cells in the principal frame of the surface, so
+    that the point moves with it. A cell's lower bound is what all of it violates for certain, its upper one
+    what its centre does. Whether the minimum is 0 is left to the exact kernel, for facets of positive weight.
+    A minimum reached only on a plane, a line or a point is bracketed but may not be met; `reason` says so.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> center = voxkernel.best_center(tetrahedron)
+    >>> center.violation_bounds
+    (0.0, 0.0)
+    """
+    share = as_nonnegative("gap", gap)
+    ratio = as_nonnegative("relative_gap", relative_gap)
+    if share == 0.0 and ratio == 0.0:
+        raise ValueError("`gap` must be > 0 where `relative_gap` is 0; got 0")
+    if ratio >= 1.0:
+        raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
+    halfspaces, mesh = halfspaces_of(surface, facets)
+    return center_of_planes(weigh(halfspaces, weights, mesh=mesh), mesh, domain, share, ratio)
+
+
+def center_of_planes(
+    planes: WeighedPlanes, mesh: TriangleMesh | None, domain: Any, gap: float, ratio: float = 0.0
+) -> StarCenter:
+    """Find the least violated point of weighed planes; `domain` is an argument or a Domain."""
+    facets = planes.facets
+    region = None
+    if domain is not None or mesh is None or not facets.bounds_volume:
+        region = relaxed_domain(facets, mesh, domain)
+    every = facets if region is None else facets.with_planes(region.normals, region.offsets)
+    verdict = find_feasibility(every)
+    if verdict.dimension >= 0:
+        kernel = kernel_of_halfspaces(facets, region)
+        return StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
+    # No point satisfies the witness, so one of its facets is always violated.
+    held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
+    known = float(planes.shares[held].min()) if held else 0.0
+    if region is None:
+        region = relaxed_domain(facets, mesh, None)
+    point, best, lower, n_cells = _searched(planes, mesh, region, gap, ratio)
+    low, high = planes.share_bounds(lower, best)
+    low = min(high, max(low, known))
+    close = high - low <= max(gap, ratio * high) + 4 * planes.slack / UNITS
+    reason = "" if close else "the least violated points fill no volume, or more cells are needed than allowed"
+    return StarCenter(read_only(point), (low, high), region, n_cells, reason)
+
+
+def _searched(
+    planes: WeighedPlanes, mesh: TriangleMesh | None, region: Domain, gap: float, ratio: float
+) -> tuple[NDArray[np.float64], int, int, int]:
+    """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
+    from voxkernel._loops.center import least_violated
+
+    axes = np.eye(3) if mesh is None else surface_frame(mesh)[1]
+    cube = _skew_cube(region, axes)
+    normals, offsets, reach, pads, weights, n_domain = cube_arrays(planes, region, cube, _LEVELS[-1])
+    blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
+    point = region.vertices.mean(axis=0)
+    border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
+    inside = not violated_units(border, point[None]).any()
+    best = int(violated_units(planes, point[None])[0]) if inside else int(planes.weights.sum())
+    known, lower, n_cells = best, 0, 0
+    for levels in _LEVELS:
+        unit = np.full(3, np.nan)
+        best, lower, count = least_violated(
+            normals, offsets, reach, pads, weights, n_domain, blur, best, int(gap * UNITS), ratio,
+            levels, _MAX_CELLS, unit,
+        )  # fmt: skip
+        n_cells += count
+        if not np.isnan(unit).any():
+            point = cube.to_world(unit)
+        if best - lower <= max(int(gap * UNITS), int(ratio * best)) or count >= _MAX_CELLS:
+            break
+    if best < known:
+        # Planes within rounding of the point were counted as violated: the exact sum may be smaller.
+        best = min(best, int(violated_units(planes, point[None])[0]))
+    return point, best, min(lower, best), n_cells
+
+
+def _skew_cube(region: Domain, axes: NDArray[np.float64]) -> Any:
+    """Place a cube around the domain whose cells do not line up with planes at simple fractions of its size."""
+    from voxkernel._cube import RootCube
+
+    cube, _ = root_cube(region.vertices, axes)
+    edge = cube.edge * 1.0860342
+    shift = cube.edge * np.array([0.0398107, 0.0466301, 0.0321433])
+    return RootCube(cube.corner - shift @ axes, edge, axes)
