@@ -316,12 +316,12 @@ def test_missing_and_foreign_files(tmp_path):
             read_vdb(tmp_path / "foreign.vdb")
 
 
-@pytest.mark.parametrize("version", [0, 221, 225, 2**32 - 1])
+@pytest.mark.parametrize("version", [0, 221, 226, 2**32 - 1])
 def test_other_versions_are_refused(tmp_path, version):
     path = written(tmp_path, [])
     raw = path.read_bytes()
     path.write_bytes(raw[:8] + struct.pack("<I", version) + raw[12:])
-    with pytest.raises(GridReadError, match=rf"the file version must be in 222..224; got {version}"):
+    with pytest.raises(GridReadError, match=rf"the file version must be in 222..225; got {version}"):
         read_vdb(path)
 
 

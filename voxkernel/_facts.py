@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from voxkernel._checks import read_only
+from voxkernel._graph import components
 from voxkernel._polygons import scale_exponent, scaled_triangle_areas, unscaled
 from voxkernel._zero_area import exact_integers, is_degenerate
 
@@ -127,9 +126,7 @@ def _edge_parts(edges: HalfEdges, n_faces: int) -> tuple[int, NDArray[np.int32]]
     linked[edges.first] = False
     to = np.flatnonzero(linked)
     a, b = edges.order[to - 1] // 3, edges.order[to] // 3
-    graph = coo_matrix((np.ones(len(to), dtype=np.int8), (a, b)), shape=(n_faces, n_faces))
-    n, labels = connected_components(graph, directed=False)
-    return int(n), labels
+    return components(n_faces, a, b)
 
 
 def _n_components(faces: NDArray[np.int64], used: NDArray[np.bool_]) -> int:
@@ -137,9 +134,7 @@ def _n_components(faces: NDArray[np.int64], used: NDArray[np.bool_]) -> int:
     n = len(used)
     rows = np.concatenate([faces[:, 0], faces[:, 0]])
     columns = np.concatenate([faces[:, 1], faces[:, 2]])
-    graph = coo_matrix((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(n, n))
-    parts = int(connected_components(graph, directed=False, return_labels=False))
-    return parts - int(n - used.sum())
+    return components(n, rows, columns)[0] - int(n - used.sum())
 
 
 def _is_oriented(edges: HalfEdges) -> bool:
@@ -222,9 +217,7 @@ def _is_vertex_manifold(edges: HalfEdges, faces: NDArray[np.int64], n_used: int)
     left, right = edges.order[edges.first], edges.order[edges.first + 1]
     next_left, next_right = left - left % 3 + (left + 1) % 3, right - right % 3 + (right + 1) % 3
     rows, columns = np.concatenate([left, next_left]), np.concatenate([next_right, right])
-    n_corners = faces.size
-    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n_corners, n_corners))
-    return int(connected_components(graph, directed=False, return_labels=False)) == n_used
+    return components(faces.size, rows, columns)[0] == n_used
 
 
 def _component_signs(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._graph import components
 from voxkernel.mesh import TriangleMesh
 
 __all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
@@ -125,13 +126,9 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
 
 def _is_long(ends: NDArray[np.int64], segments: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
     """Which segments belong to a connected set of at least that length."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     ids, local = np.unique(ends, return_inverse=True)
     local = local.reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(local), np.int8), (local[:, 0], local[:, 1])), shape=(len(ids), len(ids)))
-    n, label = connected_components(graph, directed=False)
+    n, label = components(len(ids), local[:, 0], local[:, 1])
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     total = np.bincount(label[local[:, 0]], weights=lengths, minlength=n)
     return total[label[local[:, 0]]] >= least

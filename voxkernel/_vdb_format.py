@@ -1,7 +1,7 @@
 """The bytes of a .vdb file below the tree: constants, checked reading, metadata and transforms.
 
 OpenVDB (https://www.openvdb.org) publishes no specification; the layout follows its io/ and tree/ sources
-for file versions 222 to 224.
+for file versions 222 to 225.
 """
 
 import struct
@@ -32,7 +32,7 @@ __all__ = [
 
 MAGIC = 0x56444220
 VERSION = 224
-VERSIONS = range(222, 225)
+VERSIONS = range(222, 226)  # 225 (OpenVDB 13) added half grids and changed nothing else
 ZIP, MASKED, BLOSC = 1, 2, 4  # compression flags of a grid
 
 _SCALARS = {"bool": "?", "int32": "i", "int64": "q", "float": "f", "double": "d"}

@@ -45,6 +45,23 @@ class Codec(NamedTuple):
         return cls(np.dtype("<f4"), stored, np.float32(background), flags)
 
     @property
+    def chunk_flags(self) -> int:
+        """How chunks of values are compressed."""
+        return self.flags & (ZIP | BLOSC)
+
+    def read_stored(self, source: Source, count: int) -> memoryview | bytes:
+        """The bytes of `count` values. Of no half-precision values OpenVDB writes not even a size."""
+        if not count and self.stored.itemsize == 2:
+            return b""
+        return _read_chunk(source, count * self.stored.itemsize, self.chunk_flags)
+
+    def write_stored(self, raw: bytes) -> bytes:
+        """A chunk of values that are already in stored form."""
+        if not raw and self.stored.itemsize == 2:
+            return b""
+        return _write_chunk(raw, self.chunk_flags)
+
+    @property
     def minus(self) -> Any:
         """What OpenVDB calls the negative of the background; of a bool that is the other one."""
         return ~self.background if self.dtype.kind == "b" else -self.background
@@ -147,7 +164,7 @@ def read_values(source: Source, is_on: NDArray[np.bool_], codec: Codec) -> NDArr
     mode, plain, selected, selection = _read_inactive(source, count, codec)
     is_whole = mode == _EVERY_VALUE or not codec.flags & MASKED
     n_stored = count if is_whole else int(is_on.sum())
-    raw = _read_chunk(source, n_stored * codec.stored.itemsize, codec.flags)
+    raw = codec.read_stored(source, n_stored)
     stored = (
         np.frombuffer(raw, np.uint8) != 0 if codec.dtype.kind == "b" else np.frombuffer(raw, codec.stored)
     )
@@ -174,11 +191,11 @@ def read_leaf_values(
         masks[row] = np.frombuffer(raw_mask, "<u8")
         mode, plain, selected, selection = _read_inactive(source, 512, codec)
         if mode == _EVERY_VALUE or not codec.flags & MASKED:
-            raw = _read_chunk(source, 512 * codec.stored.itemsize, codec.flags)
+            raw = codec.read_stored(source, 512)
             values[row] = np.frombuffer(raw, codec.stored)
             continue
         count = int.from_bytes(raw_mask, "little").bit_count()
-        chunks.append(_read_chunk(source, count * codec.stored.itemsize, codec.flags))
+        chunks.append(codec.read_stored(source, count))
         partial.append(row)
         values[row] = plain if selection is None else np.where(selection, selected, plain)
     if partial:
@@ -219,7 +236,7 @@ def write_values(
         selection[is_off] = off == (others[1] if mode == _MASK_TWO else background)
         header += np.packbits(selection, bitorder="little").tobytes()
     kept = np.where(is_on | is_off, values, codec.dtype.type(0)) if mode == _EVERY_VALUE else values[is_on]
-    return header + _write_chunk(kept.astype(codec.stored).tobytes(), codec.flags)
+    return header + codec.write_stored(kept.astype(codec.stored).tobytes())
 
 
 def write_leaf_values(masks: NDArray[np.uint64], values: NDArray[np.float32], codec: Codec) -> bytes:
@@ -237,7 +254,7 @@ def write_leaf_values(masks: NDArray[np.uint64], values: NDArray[np.float32], co
         if is_plain[row]:
             parts.append(b"\0")
             chunk = kept[start:end]
-            parts.append(_write_chunk(bytes(chunk), codec.flags) if codec.flags & (ZIP | BLOSC) else chunk)
+            parts.append(codec.write_stored(bytes(chunk)) if codec.chunk_flags else chunk)
         else:
             parts.append(write_values(values[row], is_on[row], ~is_on[row], codec))
         start = end

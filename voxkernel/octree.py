@@ -18,21 +18,9 @@ from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_sur
 
 __all__ = ["KernelGrid", "RootCube", "root_cube", "voxel_kernel"]
 
-DEFAULT_DEPTH = 7
-_MIN_DEPTH, _MAX_DEPTH = 3, 20
 _RTOL_MAX_DEPTH = 12
-_UNIT = 2.0**-53
 
 Frame = Literal["world", "principal"]
-
-
-@dataclass(frozen=True, slots=True)
-class RootCube:
-    """The cube an octree divides: lower corner and edge in world units, rows of `axes` are its directions."""
-
-    corner: NDArray[np.float64]
-    edge: float
-    axes: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -267,43 +255,6 @@ def voxel_kernel(
     return _grid(planes, kernel, cube, levels)
 
 
-def root_cube(
-    corners: NDArray[np.float64], axes: NDArray[np.float64], *, depth: int | None = None, voxel_size: float | None = None
-) -> tuple[RootCube, int]:
-    """Place the root cube around points and choose its depth from whichever of the two is given."""
-    along = corners @ axes.T if len(corners) else np.zeros((1, 3))
-    low, high = along.min(axis=0), along.max(axis=0)
-    middle = 0.5 * (low + high)
-    edge = float((high - low).max()) * (1 + 1e-9) or 1.0
-    if voxel_size is None:
-        levels = DEFAULT_DEPTH if depth is None else as_depth("depth", depth, _MIN_DEPTH, _MAX_DEPTH)
-    else:
-        size = as_positive("voxel_size", voxel_size)
-        levels = max(_MIN_DEPTH, int(np.ceil(np.log2(edge / size))))
-        if levels > _MAX_DEPTH:
-            raise ValueError(f"`voxel_size` must be at least {edge / 2**_MAX_DEPTH:.6g} for this surface; got {size}")
-        edge = size * 2**levels
-    return RootCube(read_only((middle - 0.5 * edge) @ axes), edge, axes), levels
-
-
-def cube_planes(
-    planes: HalfSpaces, cube: RootCube, depth: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Express half-spaces in the unit cube: normals, offsets, |a|_1 and the pad that covers all rounding.
-
-    The pad adds the bound of the plane itself, the change of coordinates, and the sums made while
-    descending; each is a few units in the last place of numbers of the size of the cube.
-    """
-    scale = planes.scale / cube.edge
-    normals = planes.local_normals @ cube.axes.T
-    shift = (planes.origin - cube.corner) / cube.edge
-    along = shift @ cube.axes.T
-    offsets = planes.local_offsets * scale + normals @ along
-    far = float(np.linalg.norm(along)) + 2.0
-    pads = planes.local_errors * (far + scale) + _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
-    return normals, offsets, np.abs(normals).sum(axis=1), pads
-
-
 def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
     """Run the octree and wrap its arrays."""
     from voxkernel._loops.octree import exact_cells
@@ -338,8 +289,8 @@ def _refined(planes: HalfSpaces, kernel: KernelPolytope, axes: NDArray[np.float6
     if kernel.dimension < 3:
         reason = "" if kernel.dimension < 0 else "a kernel without volume has no relative accuracy"
         return _grid(planes, kernel, cube, DEFAULT_DEPTH, reason)
-    levels = _MIN_DEPTH
-    for levels in range(_MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
+    levels = MIN_DEPTH
+    for levels in range(MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
         n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, levels), levels, True)[5:]
         if n_boundary <= rtol * (n_inside + n_boundary):
             return _grid(planes, kernel, cube, levels)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from voxkernel._checks import as_depth, as_positive
 from voxkernel._facts import half_edges
+from voxkernel._graph import components
 from voxkernel._mesh_files import Polygons, merge_equal_corners
 from voxkernel._polygons import scale_exponent
 from voxkernel.errors import MeshError
@@ -196,8 +195,7 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
     n = len(faces)
     rows = np.concatenate([a, a + n])
     columns = np.concatenate([np.where(same, b + n, b), np.where(same, b, b + n)])
-    graph = coo_matrix((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(2 * n, 2 * n))
-    labels = connected_components(graph, directed=False)[1]
+    labels = components(2 * n, rows, columns)[1]
     kept, turned = labels[:n], labels[n:]
     one_sided = kept == turned
     part = np.minimum(kept, turned)

@@ -85,7 +85,7 @@ class VdbFile:
     skipped : tuple of str
         Name and reason of each grid that was left out.
     version : int
-        File version, 222 to 224.
+        File version, 222 to 225.
     library_version : tuple of int
         Version of the library that wrote the file.
 
@@ -144,7 +144,7 @@ def read_vdb(path: str | os.PathLike[str]) -> VdbFile:
     Parameters
     ----------
     path : path
-        A file of version 222 to 224 (OpenVDB 3 and later): bool, mask and float grids, float also in half
+        A file of version 222 to 225 (OpenVDB 3 to 13): bool, mask and float grids, float also in half
         precision; uncompressed, zip- or Blosc-compressed (the latter needs the package `blosc`).
 
     Returns
@@ -322,7 +322,7 @@ def write_vdb(
     value_type: ValueType | None = None,
     compression: Compression = "none",
 ) -> None:
-    """Write grids to a .vdb file of version 224, for OpenVDB 3 and later.
+    """Write grids to a .vdb file of version 224, which OpenVDB 3 and later read.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
+from voxkernel._checks import as_depth, as_points, as_positive, read_only
 from voxkernel._cube import root_cube
 from voxkernel._relaxed import cube_arrays
 from voxkernel._weights import UNITS, WeighedPlanes, halfspaces_of, relaxed_domain, weigh
@@ -27,6 +27,7 @@ _UNIT_ROUNDOFF = 2.0**-53
 _THREAD_CHUNK = 1 << 15
 _LEVELS = (10, 18, 26, 34, 42)
 _MAX_CELLS = 2_000_000
+_GAP = 1e-4
 
 Weights = Literal["area", "count"] | ArrayLike
 
@@ -179,8 +180,8 @@ def _parts_of(local: NDArray[np.float64], count: int) -> list[NDArray[np.int64]]
 def best_center(
     surface: Any,
     *,
-    gap: float = 1e-4,
-    relative_gap: float = 0.0,
+    gap: float | None = None,
+    relative_gap: float | None = None,
     domain: Any = None,
     weights: Weights = "area",
     facets: Any = None,
@@ -191,11 +192,12 @@ def best_center(
     ----------
     surface : mesh, path, (vertices, faces) or HalfSpaces
         Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
-    gap : float
-        Stop when the bounds are this close, as a share of the whole weight, > 0.
-    relative_gap : float
-        Stop as well when they are this close relative to the upper one, in [0, 1). Ask for
-        `gap=1e-12, relative_gap=0.1` to order surfaces that are nearly star-shaped.
+    gap : float, optional
+        Stop when the bounds are this close, as a share of the whole weight, > 0; 1e-4 where
+        `relative_gap` is not given.
+    relative_gap : float, optional
+        Stop when they are this close as a share of the upper one, in (0, 1): for surfaces that are nearly
+        star-shaped. With both, either is enough.
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
         Where the point may be: the convex hull of surfaces that bound a volume and a ball polytope about
         open ones by default.
@@ -229,12 +231,11 @@ def best_center(
     >>> center.violation_bounds
     (0.0, 0.0)
     """
-    share = as_nonnegative("gap", gap)
-    ratio = as_nonnegative("relative_gap", relative_gap)
-    if share == 0.0 and ratio == 0.0:
-        raise ValueError("`gap` must be > 0 where `relative_gap` is 0; got 0")
+    ratio = 0.0 if relative_gap is None else as_positive("relative_gap", relative_gap)
     if ratio >= 1.0:
         raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
+    default = _GAP if relative_gap is None else 0.0
+    share = default if gap is None else min(1.0, as_positive("gap", gap))
     halfspaces, mesh = halfspaces_of(surface, facets)
     return center_of_planes(weigh(halfspaces, weights, mesh=mesh), mesh, domain, share, ratio)
 

@@ -3,8 +3,11 @@
 Run with `pytest tests/benchmarks -p no:cacheprovider --bench-json out.json`; nothing here can fail on time.
 """
 
+import importlib
 import json
+import os
 import platform
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -40,6 +43,21 @@ def side_by_side(request):
         return {name: (best[name], result[name]) for name in rivals}
 
     return run
+
+
+@pytest.fixture
+def prototype():
+    """Import one of the throw-away prototypes the targets were set with; skip where they are not at hand."""
+
+    def load(name: str):
+        folder = Path(os.environ.get("VOXKERNEL_PROTOTYPES", Path(__file__).parents[3] / "shared" / "prototypes"))
+        if not (folder / f"{name}.py").exists():
+            pytest.skip(f"prototypes not found at {folder}; set VOXKERNEL_PROTOTYPES")
+        if str(folder) not in sys.path:
+            sys.path.append(str(folder))
+        return importlib.import_module(name)
+
+    return load
 
 
 def pytest_terminal_summary(terminalreporter, config):

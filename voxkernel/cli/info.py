@@ -11,25 +11,31 @@ from voxkernel.cli.output import display, number, print_json, print_table
 HELP = "facts of a mesh or of a stored grid"
 DESCRIPTION = (
     "Say what is true of a mesh: closed or open, oriented, boundary loops, degenerate facets, components,\n"
-    "area, volume. Of an .npz grid that `voxkernel kernel` wrote: voxels, transform, volume bounds."
+    "area, volume. Of an .npz grid that `voxkernel kernel` wrote: voxels, transform, volume bounds. Of a\n"
+    "`.vdb` file: each grid it holds."
 )
-EXAMPLES = ("voxkernel info bust.ply", "voxkernel info bust.ply --json", "voxkernel info kernel.npz")
+EXAMPLES = ("voxkernel info bust.ply", "voxkernel info bust.ply --json", "voxkernel info kernel.vdb")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("path", metavar="FILE", help="a mesh, or an .npz grid")
+    parser.add_argument("path", metavar="FILE", help="a mesh, or an .npz or .vdb grid")
     parser.add_argument("--json", action="store_true", help="one JSON document")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the facts."""
-    facts = grid_facts(args.path) if Path(args.path).suffix.lower() == ".npz" else mesh_facts(args.path)
+    suffix = Path(args.path).suffix.lower()
+    facts = npz_facts(args.path) if suffix == ".npz" else vdb_facts(args.path) if suffix == ".vdb" else mesh_facts(args.path)
     document = {"file": args.path, **facts}
     if args.json:
         print_json(document)
-    else:
-        print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
+        return 0
+    grids = document.pop("grids", [])
+    print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
+    for grid in grids:
+        print()
+        print_table({name.replace("_", " "): _text(value) for name, value in grid.items()})
     return 0
 
 
@@ -64,11 +70,34 @@ def mesh_facts(path: str) -> dict[str, Any]:
     }
 
 
-def grid_facts(path: str) -> dict[str, Any]:
-    """Collect the facts of a grid file."""
-    from voxkernel.cli.grid_file import read_grid_file
+def npz_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of a grid that `voxkernel kernel` wrote."""
+    from voxkernel.cli.kernel_files import read_grid_file
 
     return read_grid_file(path)
+
+
+def vdb_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of every grid of a .vdb file."""
+    from voxkernel.vdb import read_vdb
+
+    file = read_vdb(path)
+    return {"skipped": list(file.skipped), "grids": [_grid_facts(grid) for grid in file.grids]}
+
+
+def _grid_facts(grid: Any) -> dict[str, Any]:
+    box = grid.active_bbox
+    return {
+        "name": grid.name,
+        "type": "mask" if grid.is_mask else "float",
+        "active_voxel_count": grid.active_voxel_count,
+        "tiles": grid.tile_count,
+        "leaves": grid.leaf_count,
+        "active_bbox": None if box is None else box.tolist(),
+        "origin": grid.origin.tolist(),
+        "linear": grid.linear.tolist(),
+        "voxel_volume": grid.voxel_volume,
+    }
 
 
 def _text(value: Any) -> str:

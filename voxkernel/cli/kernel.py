@@ -22,13 +22,13 @@ HELP = "the kernel of a mesh, exact or as voxels"
 DESCRIPTION = (
     "Compute the kernel of a mesh: the points from which the whole surface can be seen.\n"
     "Without grid options the kernel is exact: .ply is its polygon mesh, .json has everything with the\n"
-    "certificate. With --depth, --voxel-size or --rtol, or for .npz, it is a sparse voxel grid with\n"
-    "certain volume bounds. An empty kernel is an answer, not an error."
+    "certificate. With --depth, --voxel-size or --rtol, or for .npz and .vdb, it is a sparse voxel grid\n"
+    "with certain volume bounds. An empty kernel is an answer, not an error."
 )
 EXAMPLES = (
     "voxkernel kernel bust.ply",
     "voxkernel kernel bust.ply -o kernel.ply --picture kernel.png",
-    "voxkernel kernel bust.ply -o kernel.npz --depth 9",
+    "voxkernel kernel bust.ply -o kernel.vdb --depth 9",
     "voxkernel kernel face.obj --domain hull -o kernel.json --picture kernel.html",
     "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
 )
@@ -38,7 +38,7 @@ _NAMES = ("point", "segment", "flat polygon", "solid")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
-    parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, kernel.json or kernel.npz")
+    parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz or .vdb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)")
@@ -52,11 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute, print, write."""
-    output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz"))
+    output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz", ".vdb"))
     picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
     options = {name: getattr(args, name) for name in ("depth", "voxel_size", "rtol", "frame")}
     options = {name: value for name, value in options.items() if value is not None}
-    as_grid = bool(options) or (output is not None and output.suffix.lower() == ".npz")
+    as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(args.output)}'")
     note_first_compilation(quiet=args.quiet)
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _grid_document(grid: Any) -> dict[str, Any]:
-    from voxkernel.cli.grid_file import grid_summary
+    from voxkernel.cli.kernel_files import grid_summary
 
     return grid_summary(grid)
 
@@ -147,32 +147,19 @@ def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
     if suffix == ".json":
         path.write_text(to_json(document) + "\n", encoding="utf-8")
     elif suffix == ".npz":
-        from voxkernel.cli.grid_file import write_grid_file
+        from voxkernel.cli.kernel_files import write_grid_file
 
         write_grid_file(kernel, path)
+    elif suffix == ".vdb":
+        from voxkernel.vdb import write_vdb
+
+        write_vdb(path, {"inside": kernel.inside, "boundary": kernel.boundary})
     elif hasattr(kernel, "face_facets"):
-        path.write_bytes(_polygon_ply(kernel))
+        from voxkernel.cli.kernel_files import write_polygon_ply
+
+        write_polygon_ply(kernel, path)
     else:
         kernel.to_mesh().write(path)
-
-
-def _polygon_ply(kernel: Any) -> bytes:
-    """Write the polytope with its polygons and the input facet of each (-1 - j: plane j of the domain).
-
-    An empty kernel gives a file without vertices.
-    """
-    import numpy as np
-
-    header = (
-        "ply\nformat binary_little_endian 1.0\ncomment voxkernel kernel\n"
-        f"element vertex {len(kernel.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
-        f"element face {len(kernel.faces)}\nproperty list int int vertex_indices\nproperty int input_facet\nend_header\n"
-    )
-    rows = [
-        np.concatenate([[len(face)], face, [facet]]) for face, facet in zip(kernel.faces, kernel.face_facets, strict=True)
-    ]
-    body = np.concatenate(rows).astype("<i4").tobytes() if rows else b""
-    return header.encode("ascii") + kernel.vertices.astype("<f8").tobytes() + body
 
 
 def _depth(text: str) -> int:

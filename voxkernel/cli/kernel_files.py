@@ -1,4 +1,4 @@
-"""A kernel grid as an .npz file: the arrays of `KernelGrid`, readable by NumPy alone."""
+"""Kernels as files: a polytope as polygon .ply, a grid as .npz that NumPy alone can read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from voxkernel.errors import MeshReadError
 
-__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file"]
+__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file", "write_polygon_ply"]
 
 FORMAT = "voxkernel grid 1"
 
@@ -64,3 +64,22 @@ def read_grid_file(path: str) -> dict[str, Any]:
             return json.loads(str(arrays["summary"]))
     except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise MeshReadError(f"'{path}' must be an .npz grid of voxkernel; got something else ({error})") from error
+
+
+def write_polygon_ply(kernel: Any, path: Path) -> None:
+    """Write the polytope with its polygons and the input facet of each (-1 - j: plane j of the domain).
+
+    An empty kernel gives a file without vertices.
+    """
+    import numpy as np
+
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment voxkernel kernel\n"
+        f"element vertex {len(kernel.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(kernel.faces)}\nproperty list int int vertex_indices\nproperty int input_facet\nend_header\n"
+    )
+    rows = [
+        np.concatenate([[len(face)], face, [facet]]) for face, facet in zip(kernel.faces, kernel.face_facets, strict=True)
+    ]
+    body = np.concatenate(rows).astype("<i4").tobytes() if rows else b""
+    path.write_bytes(header.encode("ascii") + kernel.vertices.astype("<f8").tobytes() + body)
