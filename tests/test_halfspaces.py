@@ -39,7 +39,12 @@ def test_integer_planes_are_the_triangles_exactly():
             assert a * x + b * y + c * z == d
 
 
-@given(shapes.integer_meshes(), st.integers(0, 2**32 - 1), st.sampled_from([1.0, 1e-7, 1e9]), st.floats(-1e6, 1e6))
+@given(
+    shapes.integer_meshes(),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([1.0, 1e-7, 1e9]),
+    st.floats(-1e6, 1e6),
+)
 def test_rounding_bound_holds(mesh, seed, size, shift):
     """|n . x - d| in floating point differs from the exact distance by at most the stated bound."""
     vertices, faces = mesh
@@ -116,7 +121,7 @@ def test_explicit_planes_round_trip():
     assert planes.weights.tolist() == [1, 2]
     more = planes.with_planes([[0, 0, 1]], [0.1])
     assert more.facet_ids.tolist() == [0, 1, -1]
-    (a, b, c, d), = more.integer_planes([2])
+    ((a, b, c, d),) = more.integer_planes([2])
     assert (a, b) == (0, 0)
     assert Fraction(d, c) == Fraction(0.1) * more.lattice_unit
 

@@ -76,7 +76,11 @@ def _search(rows: Sequence[Row], dimension: int, unit: Fraction, reach: Fraction
         *z, t = primal
         entering, worst = -1, Fraction(0)
         for i in range(len(normals)):
-            excess = sum((n * v for n, v in zip(normals[i], z, strict=True) if n), Fraction(0)) + scales[i] * t - bounds[i]
+            excess = (
+                sum((n * v for n, v in zip(normals[i], z, strict=True) if n), Fraction(0))
+                + scales[i] * t
+                - bounds[i]
+            )
             if excess > 0:
                 excess /= scales[i]
                 if excess > worst:
@@ -88,11 +92,15 @@ def _search(rows: Sequence[Row], dimension: int, unit: Fraction, reach: Fraction
             used = {j: m for j, m in zip(basis, dual, strict=True) if m > 0}
             optimum = Optimum(t, tuple(z), {j - first: m for j, m in used.items() if j >= first})
             return optimum, any(j < size for j in used)
-        change = solve_rational(_transposed(columns), [*map(Fraction, normals[entering]), Fraction(scales[entering])])
+        change = solve_rational(
+            _transposed(columns), [*map(Fraction, normals[entering]), Fraction(scales[entering])]
+        )
         if change is None:
             raise SolverError("the exact linear program met a singular basis")
         leaving = min(
-            (j for j in range(size) if change[j] > 0), key=lambda j: (dual[j] / change[j], basis[j]), default=None
+            (j for j in range(size) if change[j] > 0),
+            key=lambda j: (dual[j] / change[j], basis[j]),
+            default=None,
         )
         if leaving is None:
             raise SolverError("the exact linear program is unbounded in its dual")

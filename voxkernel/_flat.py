@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from math import sqrt
 
 import numpy as np
@@ -68,7 +69,9 @@ def _clip_rows(planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility)
     for i, p in zip(range(len(rows)), planes.integer_planes(rows), strict=True):
         normal = tuple(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in inside.directions)
         if any(normal):
-            reduced.append((normal, p[3] - sum((u * v for u, v in zip(p[:3], inside.point, strict=True)), Fraction(0))))
+            reduced.append(
+                (normal, p[3] - sum((u * v for u, v in zip(p[:3], inside.point, strict=True)), Fraction(0)))
+            )
             names.append(i)
     unit = Fraction(planes.scale) * planes.lattice_unit
     shortest = min(max(abs(v) for v in w) for w in inside.directions)
@@ -107,14 +110,22 @@ def _cutting_rows(planes: HalfSpaces, corners: list[RationalPoint]) -> NDArray[n
     return np.array(cutting, np.int64)
 
 
-def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _directions_missing(
+    planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
     from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
 
     assert inside.local_point is not None
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     tightest_by_direction(
-        planes.local_normals, planes.local_offsets, planes.local_errors, inside.local_point, np.inf, ids, slacks
+        planes.local_normals,
+        planes.local_offsets,
+        planes.local_errors,
+        inside.local_point,
+        np.inf,
+        ids,
+        slacks,
     )
     return np.setdiff1d(ids[ids >= 0], rows)
 
@@ -147,9 +158,11 @@ def rational_moments(
     area = zero
     first = [zero] * 3
     for ring in faces:
-        for j, k in zip(ring[1:], ring[2:], strict=False):
+        for j, k in pairwise(ring[1:]):
             a, b, c = relative[ring[0]], relative[j], relative[k]
-            normal = _cross([u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)])
+            normal = _cross(
+                [u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)]
+            )
             area += _length(normal) / 2
             part = sum((u * v for u, v in zip(a, normal, strict=True)), zero) / 6
             volume += part
@@ -157,7 +170,9 @@ def rational_moments(
             for p in range(3):
                 first[p] += part * total3[p] / 4
                 for q in range(3):
-                    second[p][q] += part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total3[p] * total3[q]) / 20
+                    second[p][q] += (
+                        part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total3[p] * total3[q]) / 20
+                    )
     mean = [v / volume for v in first]
     second = [[second[p][q] - volume * mean[p] * mean[q] for q in range(3)] for p in range(3)]
     return volume, area, (mean[0] + base[0], mean[1] + base[1], mean[2] + base[2]), second

@@ -142,7 +142,9 @@ def relevant_rows(
     return np.flatnonzero(keep), 2
 
 
-def rows_reaching(planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9) -> tuple[NDArray[np.int64], float]:
+def rows_reaching(
+    planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9
+) -> tuple[NDArray[np.int64], float]:
     """List the half-spaces not clear of a polyhedron by `pad` times its size, and the largest excess n . v - d."""
     from voxkernel._loops.polyhedron import neighbours, planes_reaching
 

@@ -82,7 +82,11 @@ class Certificate:
         if self.kind == "empty":
             return self.dimension == -1 and len(self.rows) <= 4 and self._balance() < 0
         if self.kind == "solid":
-            return self.dimension == 3 and len(self.points) >= 1 and all(self._inside(p, filtered, True) for p in self.points)
+            return (
+                self.dimension == 3
+                and len(self.points) >= 1
+                and all(self._inside(p, filtered, True) for p in self.points)
+            )
         if self.kind != "flat" or not 0 <= self.dimension <= 2 or len(self.points) != self.dimension + 1:
             return False
         if self._balance() != 0 or not all(self._inside(p, filtered, False) for p in self.points):

@@ -13,7 +13,15 @@ from voxkernel._checks import read_only
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 
-__all__ = ["Domain", "as_domain", "ball_domain", "box_domain", "hull_domain", "planes_domain", "surface_frame"]
+__all__ = [
+    "Domain",
+    "as_domain",
+    "ball_domain",
+    "box_domain",
+    "hull_domain",
+    "planes_domain",
+    "surface_frame",
+]
 
 BALL_FACTOR = 1.3
 _SUBDIVISIONS = 3
@@ -142,7 +150,9 @@ def hull_domain(mesh: TriangleMesh) -> Domain:
     try:
         equations = np.unique(ConvexHull(used - center).equations, axis=0)
     except QhullError:
-        raise ValueError("`domain` must have a volume; got the hull of a surface that lies in one plane") from None
+        raise ValueError(
+            "`domain` must have a volume; got the hull of a surface that lies in one plane"
+        ) from None
     return _make("hull", equations[:, :3], equations[:, :3] @ center - equations[:, 3])
 
 
@@ -167,7 +177,9 @@ def box_domain(mesh: TriangleMesh) -> Domain:
     used = mesh.vertices[np.unique(mesh.faces)]
     low, high = used.min(axis=0), used.max(axis=0)
     if not (high > low).all():
-        raise ValueError("`domain` must have a volume; got the bounding box of a surface that lies in one plane")
+        raise ValueError(
+            "`domain` must have a volume; got the bounding box of a surface that lies in one plane"
+        )
     return _make("box", np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low]))
 
 
@@ -192,7 +204,9 @@ def planes_domain(normals: ArrayLike, offsets: ArrayLike) -> Domain:
         If the half-spaces bound no finite volume.
     """
     planes = HalfSpaces.from_planes(normals, offsets)
-    return _make("planes", np.array(normals, dtype=np.float64), np.array(offsets, dtype=np.float64), planes=planes)
+    return _make(
+        "planes", np.array(normals, dtype=np.float64), np.array(offsets, dtype=np.float64), planes=planes
+    )
 
 
 def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -214,7 +228,9 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
     """
     origin = mesh.vertices[mesh.faces[0, 0]]
     corners = mesh.vertices[mesh.faces] - origin
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     total = areas.sum()
     middles = corners.mean(axis=1)
     mean = areas @ middles / total
@@ -253,7 +269,9 @@ def _make(
     message = "`domain` must be half-spaces that bound a finite volume; got half-spaces that do not"
     if inside.dimension < 3 or inside.local_point is None:
         raise ValueError(message)
-    rows = np.column_stack([planes.local_normals, planes.local_normals @ inside.local_point - planes.local_offsets])
+    rows = np.column_stack(
+        [planes.local_normals, planes.local_normals @ inside.local_point - planes.local_offsets]
+    )
     box = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, -(2.0**20))])
     try:
         local = HalfspaceIntersection(np.concatenate([rows, box]), np.zeros(3)).intersections
@@ -278,7 +296,10 @@ def _geodesic_directions(subdivisions: int) -> NDArray[np.float64]:
     points = np.concatenate([np.roll(points, k, axis=1) for k in range(3)])
     for _ in range(subdivisions):
         simplices = ConvexHull(points).simplices
-        edges = np.unique(np.sort(np.concatenate([simplices[:, [0, 1]], simplices[:, [1, 2]], simplices[:, [2, 0]]])), axis=0)
+        edges = np.unique(
+            np.sort(np.concatenate([simplices[:, [0, 1]], simplices[:, [1, 2]], simplices[:, [2, 0]]])),
+            axis=0,
+        )
         middles = points[edges].sum(axis=1)
         points = np.concatenate([points, middles])
         points /= np.linalg.norm(points, axis=1)[:, None]

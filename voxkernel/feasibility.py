@@ -95,7 +95,18 @@ def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasib
     best: tuple[float, NDArray[np.float64]] | None = None
     box = 0
     for _ in range(_MAX_ROUNDS):
-        steps = deepest_point(normals, offsets, rows, len(rows), _BOXES[box], basis, multipliers, point, 1e-15 * _BOXES[box], 400)
+        steps = deepest_point(
+            normals,
+            offsets,
+            rows,
+            len(rows),
+            _BOXES[box],
+            basis,
+            multipliers,
+            point,
+            1e-15 * _BOXES[box],
+            400,
+        )
         if steps < 0:
             break
         upper = point[3]
@@ -151,7 +162,9 @@ def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | Non
     for skip in range(4):
         a, b, c = (p for i, p in enumerate(planes) if i != skip)
         determinant = (
-            a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            - a[1] * (b[0] * c[2] - b[2] * c[0])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
         )
         signed.append(-determinant if skip % 2 else determinant)
     if all(v < 0 for v in signed):
@@ -174,7 +187,9 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
         if dimension < 0 or point is None:
             return Feasibility(-1, None, (), witnesses, rows, None, 0.0, passes)
         if halfspaces.is_cone and dimension == 0:  # the apex satisfies every plane
-            return Feasibility(0, point, directions, witnesses, rows, halfspaces.from_lattice(point), 0.0, passes)
+            return Feasibility(
+                0, point, directions, witnesses, rows, halfspaces.from_lattice(point), 0.0, passes
+            )
         touched, violated = touched_and_violated(halfspaces, point)
         passes += 1
         fresh = np.setdiff1d(violated, rows)
@@ -191,7 +206,9 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
             ]
             if not on_rim:
                 local = halfspaces.from_lattice(point)
-                return Feasibility(dimension, point, directions, witnesses, np.union1d(rows, equal), local, 0.0, passes)
+                return Feasibility(
+                    dimension, point, directions, witnesses, np.union1d(rows, equal), local, 0.0, passes
+                )
             fresh = np.array(on_rim, np.int64)
         rows = np.concatenate([rows, _most_different(halfspaces, fresh)])
 
@@ -236,7 +253,10 @@ def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
         multipliers = {moving[i]: m for i, m in optimum.multipliers.items()}
         if optimum.clearance < 0:
             return -1, None, (), (_witness(rows, multipliers),), rows[equal]
-        shift = [sum((w[k] * z for w, z in zip(directions, optimum.point, strict=True)), Fraction(0)) for k in range(3)]
+        shift = [
+            sum((w[k] * z for w, z in zip(directions, optimum.point, strict=True)), Fraction(0))
+            for k in range(3)
+        ]
         base = (base[0] + shift[0], base[1] + shift[1], base[2] + shift[2])
         if optimum.clearance > 0:
             break
@@ -249,7 +269,9 @@ def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
     return dimension, base, tuple(directions), tuple(witnesses), rows[equal]
 
 
-def _lifted_witness(rows: NDArray[np.int64], planes: list[tuple[int, int, int, int]], equal: list[int]) -> Witness:
+def _lifted_witness(
+    rows: NDArray[np.int64], planes: list[tuple[int, int, int, int]], equal: list[int]
+) -> Witness:
     """Turn equalities found in a subspace into one witness in space: sum(l n) = 0 and sum(l d) = 0, all l > 0.
 
     A half-space is an implicit equality of a set exactly when some non-negative combination with a
@@ -284,13 +306,16 @@ def _combination_with(planes: list[tuple[int, int, int, int]], chosen: int) -> l
     for size in range(1, 5):
         for subset in combinations(others, size):
             # Least squares in rationals: exact solution iff the residual vanishes.
-            gram = [[Fraction(sum(planes[i][k] * planes[j][k] for k in range(4))) for j in subset] for i in subset]
+            gram = [
+                [Fraction(sum(planes[i][k] * planes[j][k] for k in range(4))) for j in subset] for i in subset
+            ]
             right = [sum((planes[i][k] * target[k] for k in range(4)), Fraction(0)) for i in subset]
             solution = solve_rational(gram, right)
             if solution is None or any(v < 0 for v in solution):
                 continue
             if all(
-                sum((v * planes[i][k] for v, i in zip(solution, subset, strict=True)), Fraction(0)) == target[k]
+                sum((v * planes[i][k] for v, i in zip(solution, subset, strict=True)), Fraction(0))
+                == target[k]
                 for k in range(4)
             ):
                 result = [Fraction(0)] * len(planes)

@@ -208,7 +208,10 @@ class HalfSpaces:
         """Map a local double point to exact lattice coordinates (world times 2**bits)."""
         factor = Fraction(self.scale) * (1 << self._lattice_bits)
         shift = 1 << self._lattice_bits
-        x, y, z = (Fraction(float(v)) * factor + Fraction(float(o)) * shift for v, o in zip(local, self.origin, strict=True))
+        x, y, z = (
+            Fraction(float(v)) * factor + Fraction(float(o)) * shift
+            for v, o in zip(local, self.origin, strict=True)
+        )
         return x, y, z
 
     def from_lattice(self, point: Sequence[Fraction | int]) -> NDArray[np.float64]:
@@ -216,7 +219,10 @@ class HalfSpaces:
         shift = 1 << self._lattice_bits
         inverse = 1 / Fraction(self.scale)
         return np.array(
-            [float((Fraction(v) / shift - Fraction(float(o))) * inverse) for v, o in zip(point, self.origin, strict=True)]
+            [
+                float((Fraction(v) / shift - Fraction(float(o))) * inverse)
+                for v, o in zip(point, self.origin, strict=True)
+            ]
         )
 
     def lattice_to_world(self, point: Sequence[Fraction | int]) -> tuple[Fraction, Fraction, Fraction]:
@@ -273,11 +279,20 @@ class HalfSpaces:
         if used.size == 0 or used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
             return np.arange(len(self))
         # A fixed generic direction in (n, d): coplanar facets have nearly the same key.
-        keys = self.local_normals @ np.array([0.4142135, 0.7320508, -0.2360679]) + 0.6457513 * self.local_offsets
+        keys = (
+            self.local_normals @ np.array([0.4142135, 0.7320508, -0.2360679]) + 0.6457513 * self.local_offsets
+        )
         order = np.argsort(keys, kind="stable")
         groups = np.empty(len(self), np.int64)
         coplanar_groups(
-            self.local_normals, self.local_offsets, self._vertices, self._corners, order, keys[order], 1e-11, groups
+            self.local_normals,
+            self.local_offsets,
+            self._vertices,
+            self._corners,
+            order,
+            keys[order],
+            1e-11,
+            groups,
         )
         # Name each group by its first facet, whatever the order of the keys was.
         first = np.full(len(self), len(self))

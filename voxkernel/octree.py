@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_points, as_positive, read_only
+from voxkernel._checks import as_depth, as_nonnegative, as_points, as_positive
+from voxkernel._cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
+from voxkernel._relaxed import RelaxedCells, relaxed_cells_of
+from voxkernel._weights import WeighedPlanes, halfspaces_of, relaxed_domain, weigh
 from voxkernel.domain import Domain, surface_frame
+from voxkernel.feasibility import find_feasibility
 from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
 from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
+from voxkernel.violation import center_of_planes
 
-__all__ = ["KernelGrid", "RootCube", "root_cube", "voxel_kernel"]
+__all__ = ["KernelGrid", "voxel_kernel"]
 
 _RTOL_MAX_DEPTH = 12
+_CENTER_GAP = 1e-4
 
 Frame = Literal["world", "principal"]
 
@@ -44,6 +51,8 @@ class KernelGrid:
         Where the kernel was looked for.
     reason : str
         Why the grid is empty or coarser than asked; "" otherwise.
+    tolerance : float
+        The share of the surface that a point of the kernel may not face; 0 for the exact kernel.
 
     Notes
     -----
@@ -58,12 +67,14 @@ class KernelGrid:
     dimension: int
     domain: Domain | None
     reason: str
+    tolerance: float = 0.0
 
     def __repr__(self) -> str:
         """Name depth, voxel counts and volume bounds."""
         low, high = self.volume_bounds
+        relaxed = f"tolerance={self.tolerance:.6g}, " if self.tolerance else ""
         return (
-            f"KernelGrid(depth={self.depth}, voxel_size={self.voxel_size:.6g}, "
+            f"KernelGrid({relaxed}depth={self.depth}, voxel_size={self.voxel_size:.6g}, "
             f"active_voxel_count={self.active_voxel_count}, volume_bounds=({low:.6g}, {high:.6g}))"
         )
 
@@ -174,17 +185,52 @@ class KernelGrid:
         return TriangleMesh.from_triangles(*to_surface(self.inside), source="kernel grid")
 
 
+@overload
 def voxel_kernel(
     surface: Any,
     *,
     depth: int | None = None,
     voxel_size: float | None = None,
     rtol: float | None = None,
+    tolerance: float = 0.0,
+    margin: float | None = None,
     domain: Any = None,
     frame: Frame = "world",
     facets: Any = None,
-) -> KernelGrid:
-    """Compute the kernel of a surface as a sparse voxel grid with certain volume bounds.
+    threads: int = 1,
+) -> KernelGrid: ...
+
+
+@overload
+def voxel_kernel(
+    surface: Any,
+    *,
+    depth: int | None = None,
+    voxel_size: float | None = None,
+    rtol: float | None = None,
+    tolerance: Sequence[float] | NDArray[np.float64],
+    margin: None = None,
+    domain: Any = None,
+    frame: Frame = "world",
+    facets: Any = None,
+    threads: int = 1,
+) -> tuple[KernelGrid, ...]: ...
+
+
+def voxel_kernel(
+    surface: Any,
+    *,
+    depth: int | None = None,
+    voxel_size: float | None = None,
+    rtol: float | None = None,
+    tolerance: Any = 0.0,
+    margin: float | None = None,
+    domain: Any = None,
+    frame: Frame = "world",
+    facets: Any = None,
+    threads: int = 1,
+) -> KernelGrid | tuple[KernelGrid, ...]:
+    """Compute the kernel of a surface, exact or relaxed, as a sparse voxel grid with certain volume bounds.
 
     Parameters
     ----------
@@ -197,31 +243,44 @@ def voxel_kernel(
         Edge of a voxel, mesh units, instead of `depth`.
     rtol : float, optional
         Refine until the volume bounds differ by at most this share of the upper one, instead of
-        `depth`; the root cube is then the bounding cube of the kernel. At most depth 12.
+        `depth`; the root cube of an exact kernel is then its bounding cube. At most depth 12.
+    tolerance : float or sequence of float
+        Share of the surface, by area, that a point may not face: the kernel is `{x : violation(x) <=
+        tolerance}`. In [0, 1]; 0 is the exact kernel. Several are found in one traversal.
+    margin : float, optional
+        Instead of `tolerance`: how far it is above the smallest violation there is, `best_center`'s
+        upper bound (found to 1e-4), >= 0.
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
-        As for `exact_kernel`.
+        Where the kernel is looked for. As for `exact_kernel` when the tolerance is 0. Relaxed kernels of
+        closed surfaces would leak outside: they have the convex hull by default, open ones the ball.
     frame : {"world", "principal"}
         Grid axes: the world's, or the principal axes of the surface, so that the grid moves with it.
     facets : int array or bool mask, optional
         Restrict the surface to these facets.
+    threads : int
+        Threads for relaxed kernels; the result does not depend on it.
 
     Returns
     -------
-    KernelGrid
-        Empty when the kernel is empty.
+    KernelGrid, or tuple of KernelGrid
+        Empty when the kernel is empty. A sequence of tolerances gives one grid each, in that order, on
+        the same voxels.
 
     Raises
     ------
     ValueError
-        If more than one of `depth`, `voxel_size` and `rtol` is given, or one is out of range.
+        If more than one of `depth`, `voxel_size` and `rtol` is given, or one is out of range; `margin` with
+        a tolerance; half-spaces without a domain and with a tolerance.
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
 
     Notes
     -----
-    A cell carries the half-spaces that are undecided on it; a cell outside one of them is dropped, a cell
-    inside all of them becomes a tile, the rest is split. The cost grows with the surface of the
-    kernel, 4x per level, not with the volume of the grid.
+    A cell carries the half-spaces that are undecided on it and the weight that all of it violates; it is
+    dropped when that is more than the tolerance, becomes a tile when it stays within it with all undecided
+    ones added, and is split otherwise. The number of cells grows 4x per level, with the surface of the kernel.
+    A relaxed kernel costs about 2x per level, because the lists halve. Areas are rounded to 60 bits of their
+    sum, and bounds allow for that: where the violation of a region is the tolerance to 1e-15, it stays undecided.
 
     References
     ----------
@@ -235,24 +294,94 @@ def voxel_kernel(
     >>> low, high = grid.volume_bounds
     >>> low < 1 / 6 < high
     True
+    >>> relaxed = voxkernel.voxel_kernel(tetrahedron, depth=4, tolerance=0.3, domain="box")
+    >>> relaxed.volume_bounds[0] > high
+    True
     """
     if sum(v is not None for v in (depth, voxel_size, rtol)) > 1:
         raise ValueError("`depth`, `voxel_size` and `rtol` must not be given together; got more than one")
     if frame not in ("world", "principal"):
         raise ValueError(f"`frame` must be 'world' or 'principal'; got {frame!r}")
+    n_threads = as_depth("threads", threads, 1, 256)
+    shares = _shares(tolerance)
+    if margin is not None:
+        if np.ndim(tolerance) or shares != [0.0]:
+            raise ValueError("`margin` must not be given together with `tolerance`; got both")
+        margin = as_nonnegative("margin", margin)
     mesh = None if isinstance(surface, HalfSpaces) else as_mesh(surface, facets=facets)
     if mesh is None and frame == "principal":
         raise ValueError("`frame` must be 'world' for half-spaces; got 'principal'")
-    halfspaces, region = resolve_surface(surface if mesh is None else mesh, domain=domain, facets=facets if mesh is None else None)
-    kernel = kernel_of_halfspaces(halfspaces, region)
     axes = np.eye(3) if frame == "world" or mesh is None else surface_frame(mesh)[1]
+    step = depth, voxel_size, None if rtol is None else as_positive("rtol", rtol)
+    if margin is None and not np.ndim(tolerance) and shares == [0.0]:
+        return _exact(surface if mesh is None else mesh, facets if mesh is None else None, domain, axes, *step)
+    halfspaces, _ = halfspaces_of(surface if mesh is None else mesh, facets if mesh is None else None)
+    planes = weigh(halfspaces)
+    region = relaxed_domain(halfspaces, mesh, domain)
+    if margin is not None:
+        shares = [min(1.0, center_of_planes(planes, mesh, region, _CENTER_GAP).violation_bounds[1] + margin)]
+    grids = _relaxed(planes, region, shares, axes, step, n_threads)
+    return grids if np.ndim(tolerance) else grids[0]
+
+
+def _shares(tolerance: Any) -> list[float]:
+    """Check one tolerance or several."""
+    values = [as_nonnegative("tolerance", v) for v in np.atleast_1d(np.asarray(tolerance, dtype=object)).ravel()]
+    if not values:
+        raise ValueError("`tolerance` must hold at least one number; got none")
+    if max(values) > 1.0:
+        raise ValueError(f"`tolerance` must be at most 1, the whole surface; got {max(values):g}")
+    return values
+
+
+def _exact(
+    surface: Any, facets: Any, domain: Any, axes: NDArray[np.float64],
+    depth: int | None, voxel_size: float | None, rtol: float | None,
+) -> KernelGrid:  # fmt: skip
+    """Run the octree of convex kernels, which stops at the first plane that is violated."""
+    halfspaces, region = resolve_surface(surface, domain=domain, facets=facets)
+    kernel = kernel_of_halfspaces(halfspaces, region)
     planes = halfspaces if region is None else halfspaces.with_planes(region.normals, region.offsets)
     planes = planes.merged()
     if rtol is not None:
-        return _refined(planes, kernel, axes, as_positive("rtol", rtol))
-    corners = kernel.vertices if mesh is None else mesh.vertices[np.unique(mesh.faces)]
-    cube, levels = root_cube(corners if region is None else region.vertices, axes, depth=depth, voxel_size=voxel_size)
+        return _refined(planes, kernel, axes, rtol)
+    used = surface.vertices[np.unique(surface.faces)] if isinstance(surface, TriangleMesh) else kernel.vertices
+    cube, levels = root_cube(used if region is None else region.vertices, axes, depth=depth, voxel_size=voxel_size)
     return _grid(planes, kernel, cube, levels)
+
+
+def _relaxed(
+    planes: WeighedPlanes, region: Domain, shares: list[float], axes: NDArray[np.float64],
+    step: tuple[int | None, float | None, float | None], threads: int,
+) -> tuple[KernelGrid, ...]:  # fmt: skip
+    """Run the octree of relaxed kernels, deeper until the bounds agree where that is asked for."""
+    depth, voxel_size, rtol = step
+    dimension = find_feasibility(planes.facets.with_planes(region.normals, region.offsets)).dimension
+    cube, levels = root_cube(region.vertices, axes, depth=depth, voxel_size=voxel_size)
+    reason = ""
+    if rtol is None:
+        cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
+    else:
+        for levels in range(MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
+            cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
+            if all(c.n_boundary <= rtol * (c.n_inside + c.n_boundary) for c in cells):
+                break
+        else:
+            reason = f"the bounds still differ by more than asked for at depth {_RTOL_MAX_DEPTH}, the largest for `rtol`"
+    return tuple(
+        _wrap_relaxed(c, share, cube, levels, dimension, region, reason) for c, share in zip(cells, shares, strict=True)
+    )
+
+
+def _wrap_relaxed(
+    cells: RelaxedCells, share: float, cube: RootCube, depth: int, dimension: int, region: Domain, reason: str
+) -> KernelGrid:
+    volume = (cube.edge / 2**depth) ** 3
+    bounds = cells.n_inside * volume * (1 - 1e-14), (cells.n_inside + cells.n_boundary) * volume * (1 + 1e-14)
+    if not cells.n_inside + cells.n_boundary:
+        reason = f"every point of the domain violates more than {share:.6g} of the surface"
+    arrays = cells.tile_ijk, cells.tile_log2, cells.leaf_ijk, cells.leaf_inside, cells.leaf_boundary
+    return _wrap(dimension, region, cube, depth, arrays, bounds, reason, share)
 
 
 def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
@@ -263,22 +392,23 @@ def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int
     if kernel.dimension < 0:
         nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
         masks = np.empty((0, 8), np.uint64), np.empty((0, 8), np.uint64)
-        return _wrap(kernel, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
+        return _wrap(kernel.dimension, kernel.domain, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
     *arrays, n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, depth), depth, False)
     bounds = n_inside * volume * (1 - 1e-14), (n_inside + n_boundary) * volume * (1 + 1e-14)
-    return _wrap(kernel, cube, depth, tuple(arrays), bounds, reason)
+    return _wrap(kernel.dimension, kernel.domain, cube, depth, tuple(arrays), bounds, reason)
 
 
 def _wrap(
-    kernel: KernelPolytope, cube: RootCube, depth: int, arrays: tuple[Any, ...], bounds: tuple[float, float], reason: str
-) -> KernelGrid:
+    dimension: int, domain: Domain | None, cube: RootCube, depth: int, arrays: tuple[Any, ...],
+    bounds: tuple[float, float], reason: str, tolerance: float = 0.0,
+) -> KernelGrid:  # fmt: skip
     tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary = arrays
     frame = {"origin": cube.corner, "linear": cube.axes.T * (cube.edge / 2**depth)}
     inside = SparseGrid.from_tiles_and_leaves(tile_ijk, tile_log2, leaf_ijk, leaf_inside, name="inside", **frame)
     boundary = SparseGrid.from_tiles_and_leaves(
         np.empty((0, 3), np.int32), np.empty(0, np.int8), inside.leaf_ijk, leaf_boundary, name="boundary", **frame
     )
-    return KernelGrid(inside, boundary, depth, bounds, kernel.dimension, kernel.domain, reason)
+    return KernelGrid(inside, boundary, depth, bounds, dimension, domain, reason, tolerance)
 
 
 def _refined(planes: HalfSpaces, kernel: KernelPolytope, axes: NDArray[np.float64], rtol: float) -> KernelGrid:

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel._exact_program import as_integers, deepest_rational_point, rank_of
 from voxkernel._flat import rational_kernel, rational_moments
-from voxkernel._solid import convex_surface, polyhedron_around, polyhedron_moments, relevant_rows, rows_reaching
+from voxkernel._solid import (
+    convex_surface,
+    polyhedron_around,
+    polyhedron_moments,
+    relevant_rows,
+    rows_reaching,
+)
 from voxkernel.certificate import Certificate
 from voxkernel.domain import Domain, as_domain, ball_domain
 from voxkernel.errors import MeshError
@@ -130,8 +136,12 @@ class KernelPolytope:
             If the kernel has no faces: it is empty, a point or a segment.
         """
         if not len(self.face_facets):
-            raise MeshError(f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}")
-        return TriangleMesh.from_polygons(self.vertices, [list(map(int, f)) for f in self.faces], source="kernel")
+            raise MeshError(
+                f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}"
+            )
+        return TriangleMesh.from_polygons(
+            self.vertices, [list(map(int, f)) for f in self.faces], source="kernel"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""
@@ -147,7 +157,9 @@ class KernelPolytope:
             "deepest_point": _plain(self.deepest_point),
             "clearance": None if np.isnan(self.clearance) else self.clearance,
             "certificate": self.certificate.to_dict(),
-            "domain": None if self.domain is None else {"kind": self.domain.kind, "volume": self.domain.volume},
+            "domain": None
+            if self.domain is None
+            else {"kind": self.domain.kind, "volume": self.domain.volume},
             "cut_by_domain": self.cut_by_domain,
             "is_bounded": self.is_bounded,
             "unclipped_dimension": self.unclipped_dimension,
@@ -225,7 +237,9 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
     unclipped = inside if domain is None else find_feasibility(halfspaces)
-    unclipped_point = None if unclipped.point is None else halfspaces.to_world(halfspaces.from_lattice(unclipped.point))
+    unclipped_point = (
+        None if unclipped.point is None else halfspaces.to_world(halfspaces.from_lattice(unclipped.point))
+    )
     if inside.dimension < 0:
         bounded = unclipped.dimension < 0 or is_bounded(halfspaces)
         return KernelPolytope(
@@ -318,12 +332,25 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     # The rows left out are clear of an outer polyhedron by 1e-9 of its size, so of these corners too.
     _, excess = rows_reaching(near, solid)
     owner = np.repeat(solid.rows, np.diff(solid.start))
-    on_face = np.abs(np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner])
+    on_face = np.abs(
+        np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner]
+    )
     # Moving every plane by the largest misfit changes the volume by less than this share.
     misfit = max(float(on_face.max()), excess) + 2 * float(near.local_errors[solid.rows].max())
     rounding = 4.0 * misfit / clearance + 1e-14
     numbers = volume, solid.center + centroid, inertia, area
-    return corners, solid.start, solid.ring, rows[solid.rows], numbers, deepest, clearance, [], max(0.0, excess), rounding
+    return (
+        corners,
+        solid.start,
+        solid.ring,
+        rows[solid.rows],
+        numbers,
+        deepest,
+        clearance,
+        [],
+        max(0.0, excess),
+        rounding,
+    )
 
 
 def _exact_distances(planes: HalfSpaces, point: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -359,7 +386,8 @@ def _rational_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
         x, y, z = optimum.point
         deepest = planes.from_lattice((x, y, z))
         clearance = min(
-            float((p[3] - p[0] * x - p[1] * y - p[2] * z) / isqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2) / unit) for p in used
+            float((p[3] - p[0] * x - p[1] * y - p[2] * z) / isqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2) / unit)
+            for p in used
         )
     elif inside.dimension == 2:
         ring = [faces[0][1][0]]
@@ -372,7 +400,18 @@ def _rational_shape(planes: HalfSpaces, inside: Feasibility) -> _Shape | None:
     residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
     starts = np.concatenate([[0], np.cumsum([len(r) for r in rings], dtype=np.int64)])
     ring_array = np.concatenate(rings) if rings else np.empty(0, np.int64)
-    return vertices, starts, ring_array, np.array(rows, np.int64), numbers, deepest, clearance, corners, residual, 1e-14
+    return (
+        vertices,
+        starts,
+        ring_array,
+        np.array(rows, np.int64),
+        numbers,
+        deepest,
+        clearance,
+        corners,
+        residual,
+        1e-14,
+    )
 
 
 def _certificate(planes: HalfSpaces, inside: Feasibility, corners: list[tuple[Any, Any, Any]]) -> Certificate:
@@ -387,7 +426,8 @@ def _certificate(planes: HalfSpaces, inside: Feasibility, corners: list[tuple[An
         chosen = next(
             c
             for c in combinations(corners, dimension + 1)
-            if rank_of([as_integers([u - v for u, v in zip(p, c[0], strict=True)]) for p in c[1:]]) == dimension
+            if rank_of([as_integers([u - v for u, v in zip(p, c[0], strict=True)]) for p in c[1:]])
+            == dimension
         )
         points = tuple(planes.lattice_to_world(c) for c in chosen)
     kind = "empty" if dimension < 0 else "flat"
@@ -401,7 +441,9 @@ def _unclipped_certificate(halfspaces: HalfSpaces, unclipped: Feasibility) -> Ce
     assert unclipped.point is not None
     corners: list[tuple[Any, Any, Any]] = [unclipped.point]
     unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
-    for w in unclipped.directions:  # the point is in the relative interior: go a little way along each direction
+    for (
+        w
+    ) in unclipped.directions:  # the point is in the relative interior: go a little way along each direction
         step = unit / max(map(abs, w))
         while True:
             corner = tuple(u + step * v for u, v in zip(unclipped.point, w, strict=True))
@@ -413,7 +455,11 @@ def _unclipped_certificate(halfspaces: HalfSpaces, unclipped: Feasibility) -> Ce
 
 
 def _is_cut(
-    halfspaces: HalfSpaces, domain: Domain, unclipped: Feasibility, inside: Feasibility, vertices: NDArray[np.float64]
+    halfspaces: HalfSpaces,
+    domain: Domain,
+    unclipped: Feasibility,
+    inside: Feasibility,
+    vertices: NDArray[np.float64],
 ) -> bool:
     """Whether a part of the kernel lies outside the domain: beyond one of its planes there is a full-dimensional part."""
     if inside.dimension != unclipped.dimension:

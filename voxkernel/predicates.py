@@ -35,7 +35,12 @@ def planes_not_clear(halfspaces: HalfSpaces, point: Sequence[Fraction | int]) ->
     rounding = 2 * _UNIT * float(np.linalg.norm(local)) + 1e-300
     undecided = np.empty(len(halfspaces), np.int64)
     count = plane_signs(
-        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors, local, rounding, undecided
+        halfspaces.local_normals,
+        halfspaces.local_offsets,
+        halfspaces.local_errors,
+        local,
+        rounding,
+        undecided,
     )
     return undecided[:count]
 

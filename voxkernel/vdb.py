@@ -49,6 +49,8 @@ _TREES: dict[str, ValueType] = {
     "Tree_float_5_4_3_HalfFloat": "half",
 }
 _TREE_NAMES = {kind: name for name, kind in _TREES.items()}
+_HALF = "_HalfFloat"  # means nothing after a type without floats
+_TREES |= {"Tree_bool_5_4_3" + _HALF: "bool", "Tree_mask_5_4_3" + _HALF: "mask"}
 _FLAGS = {"none": MASKED, "zip": MASKED | ZIP, "blosc": MASKED | BLOSC}
 _FLAG_NAMES = {"none": "active values", "zip": "zip + active values", "blosc": "blosc + active values"}
 _SEPARATOR = "\x1e"  # between a grid's name and the number that makes it unique in its file

@@ -50,7 +50,9 @@ def prototype():
     """Import one of the throw-away prototypes the targets were set with; skip where they are not at hand."""
 
     def load(name: str):
-        folder = Path(os.environ.get("VOXKERNEL_PROTOTYPES", Path(__file__).parents[3] / "shared" / "prototypes"))
+        folder = Path(
+            os.environ.get("VOXKERNEL_PROTOTYPES", Path(__file__).parents[3] / "shared" / "prototypes")
+        )
         if not (folder / f"{name}.py").exists():
             pytest.skip(f"prototypes not found at {folder}; set VOXKERNEL_PROTOTYPES")
         if str(folder) not in sys.path:
@@ -64,9 +66,16 @@ def pytest_terminal_summary(terminalreporter, config):
     for row in ROWS:
         seconds = row["seconds"]
         first = next(iter(seconds.values()))
-        cells = [f"{n} {1e3 * s:.2f} ms" + ("" if s is first else f" ({s / first:.2f}x)") for n, s in seconds.items()]
+        cells = [
+            f"{n} {1e3 * s:.2f} ms" + ("" if s is first else f" ({s / first:.2f}x)")
+            for n, s in seconds.items()
+        ]
         terminalreporter.write_line(f"{row['test']} | {row['case']} | " + " | ".join(cells))
     path = config.getoption("--bench-json")
     if path and ROWS:
-        machine = {"python": platform.python_version(), "machine": platform.machine(), "date": time.strftime("%Y-%m-%d")}
+        machine = {
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "date": time.strftime("%Y-%m-%d"),
+        }
         Path(path).write_text(json.dumps({"machine": machine, "rows": ROWS}, indent=1))

@@ -13,18 +13,24 @@ def geodesic_sphere(n_facets):
     corners = np.concatenate([np.roll(base, k, axis=1) for k in range(3)])
     hull = ConvexHull(corners)
     faces20 = hull.simplices.copy()
-    turn = np.cross(corners[faces20[:, 1]] - corners[faces20[:, 0]], corners[faces20[:, 2]] - corners[faces20[:, 0]])
+    turn = np.cross(
+        corners[faces20[:, 1]] - corners[faces20[:, 0]], corners[faces20[:, 2]] - corners[faces20[:, 0]]
+    )
     flip = (turn * hull.equations[:, :3]).sum(1) < 0
     faces20[flip] = faces20[flip][:, ::-1]
     rows = [(i, j) for i in range(frequency + 1) for j in range(frequency + 1 - i)]
     number = {ij: k for k, ij in enumerate(rows)}
     weights = np.array([(frequency - i - j, i, j) for i, j in rows]) / frequency
     local = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in rows if i + j < frequency]
-    local += [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in rows if i + j < frequency - 1]
+    local += [
+        (number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in rows if i + j < frequency - 1
+    ]
     points = np.concatenate([weights @ corners[f] for f in faces20])
     triangles = (np.array(local)[None] + np.arange(20)[:, None, None] * len(rows)).reshape(-1, 3)
     points /= np.linalg.norm(points, axis=1)[:, None]
-    _, first, inverse = np.unique(np.round(points * 1e7).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(
+        np.round(points * 1e7).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
     return points[first], inverse.ravel()[triangles]
 
 
@@ -53,7 +59,10 @@ def scipy_kernel(vertices, faces):
     n /= np.linalg.norm(n, axis=1)[:, None]
     d = np.einsum("ij,ij->i", n, p)
     answer = linprog(
-        [0, 0, 0, -1], A_ub=np.column_stack([n, np.ones(len(n))]), b_ub=d, bounds=[(None, None)] * 3 + [(None, None)]
+        [0, 0, 0, -1],
+        A_ub=np.column_stack([n, np.ones(len(n))]),
+        b_ub=d,
+        bounds=[(None, None)] * 3 + [(None, None)],
     )
     if answer.x is None or answer.x[3] <= 0:
         return 0.0

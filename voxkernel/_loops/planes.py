@@ -57,15 +57,27 @@ def facet_planes(vertices, corners, origin, inverse_scale, normals, offsets, are
         areas[i] = 0.0
         if product < 1e-270 or not square * (MAX_SLENDERNESS * MAX_SLENDERNESS) > product:
             same = True
-            if vertices[a, 0] != vertices[b, 0] or vertices[a, 1] != vertices[b, 1] or vertices[a, 2] != vertices[b, 2]:
+            if (
+                vertices[a, 0] != vertices[b, 0]
+                or vertices[a, 1] != vertices[b, 1]
+                or vertices[a, 2] != vertices[b, 2]
+            ):
                 same = False
             if not same:
                 same = True
-                if vertices[a, 0] != vertices[c, 0] or vertices[a, 1] != vertices[c, 1] or vertices[a, 2] != vertices[c, 2]:
+                if (
+                    vertices[a, 0] != vertices[c, 0]
+                    or vertices[a, 1] != vertices[c, 1]
+                    or vertices[a, 2] != vertices[c, 2]
+                ):
                     same = False
             if not same:
                 same = True
-                if vertices[b, 0] != vertices[c, 0] or vertices[b, 1] != vertices[c, 1] or vertices[b, 2] != vertices[c, 2]:
+                if (
+                    vertices[b, 0] != vertices[c, 0]
+                    or vertices[b, 1] != vertices[c, 1]
+                    or vertices[b, 2] != vertices[c, 2]
+                ):
                     same = False
             if same:
                 errors[i] = -2.0

@@ -185,7 +185,9 @@ def solid_angle(vertices, ring):  # type: ignore[no-untyped-def]
             v = vertices[ring[3 * f + k]]
             length[k] = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         triple = (
-            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
         )
         ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
         bc = b[0] * c[0] + b[1] * c[1] + b[2] * c[2]
