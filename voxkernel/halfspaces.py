@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isqrt
 from typing import Any
@@ -118,11 +118,21 @@ class HalfSpaces:
             normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
             facet_ids, corners = facet_ids[keep], corners[keep]
         return cls(
-            *(read_only(a) for a in (normals, offsets, errors, areas, facet_ids)),
-            read_only(origin), scale, n - n_kept, bounds_volume,
-            vertices, read_only(corners), read_only(np.empty((0, 4))), bits,
-            mesh.plane_corners is mesh.faces and n_kept == n,
-        )  # fmt: skip
+            local_normals=read_only(normals),
+            local_offsets=read_only(offsets),
+            local_errors=read_only(errors),
+            weights=read_only(areas),
+            facet_ids=read_only(facet_ids),
+            origin=read_only(origin),
+            scale=scale,
+            n_degenerate=n - n_kept,
+            bounds_volume=bounds_volume,
+            _vertices=vertices,
+            _corners=read_only(corners),
+            _explicit=read_only(np.empty((0, 4))),
+            _lattice_bits=bits,
+            is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,
+        )
 
     @classmethod
     def from_planes(
@@ -160,11 +170,22 @@ class HalfSpaces:
         lengths = np.linalg.norm(rows[:, :3], axis=1)
         reach = float(np.max(np.abs(rows[:, 3]) / lengths, initial=0.0))
         empty = np.empty(0)
-        base = cls(
-            np.empty((0, 3)), empty, empty, empty, np.empty(0, np.int64), read_only(np.zeros(3)),
-            _power_of_two(reach), 0, False, np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty((0, 4)), 0,
-        )  # fmt: skip
-        return base._with_rows(rows, np.arange(n), weight_array)
+        nothing = cls(
+            local_normals=np.empty((0, 3)),
+            local_offsets=empty,
+            local_errors=empty,
+            weights=empty,
+            facet_ids=np.empty(0, np.int64),
+            origin=read_only(np.zeros(3)),
+            scale=_power_of_two(reach),
+            n_degenerate=0,
+            bounds_volume=False,
+            _vertices=np.empty((0, 3)),
+            _corners=np.empty((0, 3), np.int64),
+            _explicit=np.empty((0, 4)),
+            _lattice_bits=0,
+        )
+        return nothing._with_rows(rows, np.arange(n), weight_array)
 
     @property
     def normals(self) -> NDArray[np.float64]:
@@ -186,10 +207,17 @@ class HalfSpaces:
 
     def select(self, ids: NDArray[Any]) -> HalfSpaces:
         """Keep the half-spaces `ids` (indices or mask), in that order."""
-        return self._replace_rows(
-            self.local_normals[ids], self.local_offsets[ids], self.local_errors[ids], self.weights[ids],
-            self.facet_ids[ids], self._corners[ids], self._explicit, self._lattice_bits,
-        )  # fmt: skip
+        return replace(
+            self,
+            local_normals=read_only(self.local_normals[ids]),
+            local_offsets=read_only(self.local_offsets[ids]),
+            local_errors=read_only(self.local_errors[ids]),
+            weights=read_only(self.weights[ids]),
+            facet_ids=read_only(self.facet_ids[ids]),
+            bounds_volume=False,
+            is_triangulation=False,
+            _corners=read_only(self._corners[ids]),
+        )
 
     def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
         """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
@@ -204,7 +232,7 @@ class HalfSpaces:
         """Map world points to local coordinates."""
         return (world - self.origin) / self.scale
 
-    def to_lattice(self, local: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+    def to_lattice(self, local: NDArray[np.float64]) -> tuple[Fraction, Fraction, Fraction]:
         """Map a local double point to exact lattice coordinates (world times 2**bits)."""
         factor = Fraction(self.scale) * (1 << self._lattice_bits)
         shift = 1 << self._lattice_bits
@@ -261,11 +289,15 @@ class HalfSpaces:
         """
         explicit = self._explicit.copy()
         explicit[:, 3] = 0.0
-        return HalfSpaces(
-            self.local_normals, read_only(np.zeros(len(self))), self.local_errors, self.weights, self.facet_ids,
-            read_only(np.zeros(3)), 1.0, self.n_degenerate, self.bounds_volume,
-            self._vertices, self._corners, read_only(explicit), self._lattice_bits, False, True,
-        )  # fmt: skip
+        return replace(
+            self,
+            local_offsets=read_only(np.zeros(len(self))),
+            origin=read_only(np.zeros(3)),
+            scale=1.0,
+            is_triangulation=False,
+            is_cone=True,
+            _explicit=read_only(explicit),
+        )
 
     def coplanar_groups(self) -> NDArray[np.int64]:
         """Name for each half-space the first exactly coplanar one that faces the same way, (n,).
@@ -305,11 +337,8 @@ class HalfSpaces:
         heads = np.flatnonzero(groups == np.arange(len(self)))
         if len(heads) == len(self):
             return self
-        weights = np.bincount(groups, weights=self.weights, minlength=len(self))[heads]
-        return self._replace_rows(
-            self.local_normals[heads], self.local_offsets[heads], self.local_errors[heads], weights,
-            self.facet_ids[heads], self._corners[heads], self._explicit, self._lattice_bits,
-        )  # fmt: skip
+        weights = np.bincount(groups, weights=self.weights, minlength=len(self))[heads].astype(np.float64)
+        return replace(self.select(heads), weights=read_only(weights), bounds_volume=self.bounds_volume)
 
     def corner_ids(self) -> NDArray[np.int64]:
         """Vertex ids of the corners that define each plane, (n, 3); negative rows are explicit planes."""
@@ -332,23 +361,22 @@ class HalfSpaces:
         first = len(self._explicit)
         corners = np.zeros((len(rows), 3), np.int64)
         corners[:, 0] = -1 - first - np.arange(len(rows))
-        return self._replace_rows(
-            np.concatenate([self.local_normals, unit]), np.concatenate([self.local_offsets, local]),
-            np.concatenate([self.local_errors, errors]), np.concatenate([self.weights, weights]),
-            np.concatenate([self.facet_ids, facet_ids]), np.concatenate([self._corners, corners]),
-            np.concatenate([self._explicit, rows]), max(self._lattice_bits, _lattice_bits(rows)),
-        )  # fmt: skip
+        return replace(
+            self,
+            local_normals=_joined(self.local_normals, unit),
+            local_offsets=_joined(self.local_offsets, local),
+            local_errors=_joined(self.local_errors, errors),
+            weights=_joined(self.weights, weights),
+            facet_ids=_joined(self.facet_ids, facet_ids),
+            is_triangulation=False,
+            _corners=_joined(self._corners, corners),
+            _explicit=_joined(self._explicit, rows),
+            _lattice_bits=max(self._lattice_bits, _lattice_bits(rows)),
+        )
 
-    def _replace_rows(
-        self, normals: NDArray[np.float64], offsets: NDArray[np.float64], errors: NDArray[np.float64],
-        weights: NDArray[np.float64], facet_ids: NDArray[np.int64], corners: NDArray[np.int64],
-        explicit: NDArray[np.float64], bits: int,
-    ) -> HalfSpaces:  # fmt: skip
-        return HalfSpaces(
-            *(read_only(np.ascontiguousarray(a)) for a in (normals, offsets, errors, weights, facet_ids)),
-            self.origin, self.scale, self.n_degenerate, self.bounds_volume,
-            self._vertices, read_only(np.ascontiguousarray(corners)), read_only(explicit), bits, False, self.is_cone,
-        )  # fmt: skip
+
+def _joined(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
+    return read_only(np.concatenate([one, two]))
 
 
 def as_halfspaces(surface: Any, *, facets: Any = None) -> HalfSpaces:
