@@ -97,14 +97,10 @@ def _search(rows: Sequence[Row], dimension: int, unit: Fraction, reach: Fraction
         )
         if change is None:
             raise SolverError("the exact linear program met a singular basis")
-        leaving = min(
-            (j for j in range(size) if change[j] > 0),
-            key=lambda j: (dual[j] / change[j], basis[j]),
-            default=None,
-        )
-        if leaving is None:
+        candidates = [(v / c, basis[j], j) for j, (v, c) in enumerate(zip(dual, change, strict=True)) if c > 0]
+        if not candidates:
             raise SolverError("the exact linear program is unbounded in its dual")
-        basis[leaving] = entering
+        basis[min(candidates)[2]] = entering
     raise SolverError(f"the exact linear program did not end after {_MAX_STEPS} steps")
 
 

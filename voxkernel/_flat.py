@@ -15,7 +15,7 @@ from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.predicates import exact_slacks
 
-__all__ = ["RationalKernel", "rational_kernel", "rational_moments"]
+__all__ = ["RationalKernel", "RationalPoint", "rational_kernel", "rational_moments"]
 
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 RationalKernel = tuple[list[RationalPoint], list[tuple[int, list[int]]]]

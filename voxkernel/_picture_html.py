@@ -27,8 +27,9 @@ class Plate(NamedTuple):
 
 def write_html(plates: Sequence[Plate], path: Path) -> None:
     """Write a page that shows the first plate; a menu changes between several."""
-    import plotly.graph_objects as go
+    import plotly.graph_objects
 
+    go: Any = plotly.graph_objects
     groups = [_traces(go, plate.scene) for plate in plates]
     figure = go.Figure([trace for group in groups for trace in group])
     owner = np.repeat(np.arange(len(groups)), [len(g) for g in groups])
@@ -42,14 +43,17 @@ def write_html(plates: Sequence[Plate], path: Path) -> None:
         }
         for i, plate in enumerate(plates)
     ]
+    menu = {"buttons": buttons, "x": 0.985, "xanchor": "right", "y": 1.1, "yanchor": "top"}
+    font = {"color": _INK, "size": 24}
     figure.update_layout(
-        title={"text": _heading(plates[0]), "x": 0.03, "xanchor": "left", "y": 0.95, "font": {"color": _INK, "size": 24}},
+        title={"text": _heading(plates[0]), "x": 0.03, "xanchor": "left", "y": 0.95, "font": font},
         scene=_space(plates[0].scene), margin={"l": 0, "r": 0, "t": 90, "b": 0}, paper_bgcolor="white",
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
         legend={"x": 0.99, "xanchor": "right", "y": 0.02, "yanchor": "bottom", "bgcolor": "rgba(255,255,255,0.8)"},
-        updatemenus=[{"buttons": buttons, "x": 0.985, "xanchor": "right", "y": 1.1, "yanchor": "top"}] if len(plates) > 1 else [],
+        updatemenus=[menu] if len(plates) > 1 else [],
     )  # fmt: skip
-    page = figure.to_html(include_plotlyjs=True, full_html=True, config={"displaylogo": False, "responsive": True}, default_height="100%")
+    config = {"displaylogo": False, "responsive": True}
+    page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")
     name = html.escape(_clean(plates[0].title if len(plates) == 1 else "voxkernel"))
     style = "<style>html,body{height:100%;margin:0;overflow:hidden}</style>"
     page = page.replace("<head>", f"<head><title>{name}</title>{style}", 1)
@@ -88,15 +92,15 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
     }  # fmt: skip
     over_shoulder = scene.view + 1.1 * scene.up - 0.6 * np.cross(scene.up, scene.view)
     shine = dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
+    solid: dict[str, Any] = {"lighting": light, "lightposition": shine}
     has_kernel = len(scene.kernel_vertices) > 0
-    traces = [
-        _mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=0.3 if has_kernel else 0.5, lighting=light, lightposition=shine)
-    ]
+    opacity = 0.3 if has_kernel else 0.5
+    traces = [_mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=opacity, **solid)]
     if len(scene.surface_lines):
         traces.append(_lines(go, scene.surface_lines, LINE, 2))
     if len(scene.kernel_faces):
         traces.append(
-            _mesh(go, scene.kernel_vertices, scene.kernel_faces, "kernel", KERNEL, flatshading=True, lighting=light, lightposition=shine)
+            _mesh(go, scene.kernel_vertices, scene.kernel_faces, "kernel", KERNEL, flatshading=True, **solid)
         )
         if 0 < len(scene.kernel_lines) <= 4000:
             traces.append(_lines(go, scene.kernel_lines, "#7a3300", 2))
@@ -113,7 +117,8 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
 
 
 def _witness(go: Any, scene: Scene) -> list[Any]:
-    traces = [_mesh(go, scene.vertices, scene.faces[scene.witness_faces], "facets of the proof", WITNESS, flatshading=True)]
+    facets = scene.faces[scene.witness_faces]
+    traces = [_mesh(go, scene.vertices, facets, "facets of the proof", WITNESS, flatshading=True)]
     turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
     for center, inward in zip(scene.witness_centers, scene.witness_inward, strict=True):
         aside = np.cross(inward, np.eye(3)[np.argmin(np.abs(inward))])
@@ -131,8 +136,8 @@ def _witness(go: Any, scene: Scene) -> list[Any]:
             go.Cone(
                 x=x, y=y, z=z, u=u, v=v, w=w, sizemode="raw", anchor="center", showscale=False,
                 colorscale=[[0, WITNESS], [1, WITNESS]], hoverinfo="skip",
-            )  # fmt: skip
-        )
+            )
+        )  # fmt: skip
     return traces
 
 
@@ -140,8 +145,8 @@ def _mesh(go: Any, vertices: NDArray[np.float64], faces: NDArray[np.int64], name
     x, y, z = vertices.T
     i, j, k = faces.T.astype(np.int32)
     return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k, color=color, name=name, showlegend=bool(name), hoverinfo="name" if name else "skip",
-        **style,
+        x=x, y=y, z=z, i=i, j=j, k=k, color=color, name=name, showlegend=bool(name),
+        hoverinfo="name" if name else "skip", **style,
     )  # fmt: skip
 
 

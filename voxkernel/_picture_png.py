@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +17,11 @@ __all__ = ["write_png"]
 
 # Drawn larger and scaled down: smooth edges also where depth peeling forbids multi-sampling.
 _SUPERSAMPLE = 1.5
-_INK, _PALE, _RULE = "#1d2733", "#5d6b7a", "#c3ccd6"
+_INK, _PALE = "#1d2733", "#5d6b7a"
+# Place in the camera's frame (right, up, towards it) and strength.
+_LIGHTS = (
+    ((-0.6, 0.9, 1.2), 0.62), ((1.2, -0.1, 0.9), 0.4), ((-0.2, -1.0, 0.7), 0.25), ((0.2, 0.6, -1.0), 0.25),
+)  # fmt: skip
 
 
 class _View(NamedTuple):
@@ -51,7 +55,7 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
 
     with _silent_vtk():
         pixels = [round(v * _SUPERSAMPLE) for v in size]
-        plotter = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
         try:
             _light(plotter, pyvista)
             plotter.set_background("white")
@@ -73,21 +77,25 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
 
 
 def _light(plotter: Any, pyvista: Any) -> None:
-    """Put a key light above the camera's left shoulder, a fill at the right and a rim from behind."""
-    for position, strength in (((-0.6, 0.9, 1.2), 0.62), ((1.2, -0.1, 0.9), 0.4), ((-0.2, -1.0, 0.7), 0.25), ((0.2, 0.6, -1.0), 0.25)):
+    """Put a key light above the camera's left shoulder, two fills and a rim from behind."""
+    for position, strength in _LIGHTS:
         light = pyvista.Light(position=position, focal_point=(0, 0, 0), intensity=strength, light_type="camera light")
         plotter.add_light(light)
 
 
 def _add_surface(plotter: Any, pyvista: Any, scene: Scene) -> None:
     data = pyvista.PolyData.from_regular_faces(scene.vertices, scene.faces)
-    data = data.compute_normals(split_vertices=True, feature_angle=30.0, consistent_normals=False, auto_orient_normals=False)
+    data = data.compute_normals(
+        split_vertices=True, feature_angle=30.0, consistent_normals=False, auto_orient_normals=False
+    )
+    opacity = (0.46 if scene.is_open else 0.27) if len(scene.kernel_vertices) else 0.55
     plotter.add_mesh(
-        data, color=SURFACE, opacity=(0.46 if scene.is_open else 0.27) if len(scene.kernel_vertices) else 0.55, smooth_shading=True,
+        data, color=SURFACE, opacity=opacity, smooth_shading=True,
         ambient=0.3, diffuse=0.75, specular=0.35, specular_power=28,
     )  # fmt: skip
     if len(scene.surface_lines):
-        plotter.add_mesh(_segments(pyvista, scene.surface_lines), color=LINE, line_width=2.2, opacity=0.75, lighting=False)
+        lines = _segments(pyvista, scene.surface_lines)
+        plotter.add_mesh(lines, color=LINE, line_width=2.2, opacity=0.75, lighting=False)
 
 
 def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> None:
@@ -95,7 +103,9 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
     if len(points) == 0:
         return
     size = float(np.linalg.norm(np.ptp(points, axis=0))) if close_up and len(points) > 1 else scene.diagonal
-    material: dict[str, Any] = {"color": KERNEL, "ambient": 0.36, "diffuse": 0.78, "specular": 0.3, "specular_power": 20}
+    material: dict[str, Any] = {
+        "color": KERNEL, "ambient": 0.36, "diffuse": 0.78, "specular": 0.3, "specular_power": 20,
+    }  # fmt: skip
     if len(scene.kernel_faces):
         data = pyvista.PolyData.from_regular_faces(points, scene.kernel_faces)
         plotter.add_mesh(data, smooth_shading=False, **material)
@@ -211,7 +221,7 @@ def _font(size: float) -> Any:
 
 
 @contextlib.contextmanager
-def _silent_vtk() -> Iterator[None]:
+def _silent_vtk() -> Generator[None]:
     """Keep VTK's search for a display off stderr while drawing."""
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 

@@ -117,7 +117,8 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
     chosen = starts[drawn]
     segments = mesh.vertices[ends[chosen]]
     if mesh.n_facets > _COARSE and len(chosen):
-        segments = segments[_is_long(ends[chosen], segments, _SPECK * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))))]
+        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        segments = segments[_is_long(ends[chosen], segments, _SPECK * size)]
     # A surface that is rough everywhere has no feature lines, only noise.
     if mesh.n_facets > _COARSE and len(segments) > 0.2 * len(starts):
         segments = mesh.vertices[ends[starts[counts != 2]]]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._exact_program import rank_of
+from voxkernel._exact_program import as_integers, rank_of
+from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.predicates import exact_slacks, touched_and_violated
 
-__all__ = ["Certificate"]
+__all__ = ["Certificate", "certify", "certify_unclipped"]
 
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 
@@ -129,3 +131,41 @@ def _common_denominator(values: list[Fraction]) -> int:
     for v in values:
         product *= v.denominator
     return product
+
+
+def certify(planes: HalfSpaces, inside: Feasibility, corners: list[RationalPoint]) -> Certificate:
+    """Assemble the proof of the dimension from what feasibility and the corners know."""
+    dimension = inside.dimension
+    if dimension == 3 and inside.point is not None:
+        return Certificate("solid", 3, (), (), (planes.lattice_to_world(inside.point),), planes, ())
+    witness = inside.witnesses[-1]
+    facet_ids = tuple(int(planes.facet_ids[i]) for i in witness.ids)
+    points: tuple[Any, ...] = ()
+    if dimension >= 0:
+        chosen = next(
+            c
+            for c in combinations(corners, dimension + 1)
+            if rank_of([as_integers([u - v for u, v in zip(p, c[0], strict=True)]) for p in c[1:]]) == dimension
+        )
+        points = tuple(planes.lattice_to_world(c) for c in chosen)
+    kind = "empty" if dimension < 0 else "flat"
+    return Certificate(kind, dimension, facet_ids, witness.multipliers, points, planes, witness.ids)
+
+
+def certify_unclipped(halfspaces: HalfSpaces, unclipped: Feasibility) -> Certificate:
+    """Prove the dimension without the domain; a flat kernel is cut out in a cube if it is unbounded."""
+    if unclipped.dimension in (-1, 3):
+        return certify(halfspaces, unclipped, [])
+    assert unclipped.point is not None
+    corners: list[RationalPoint] = [unclipped.point]
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    # The point is in the relative interior: go a little way along each direction.
+    for w in unclipped.directions:
+        step = unit / max(map(abs, w))
+        while True:
+            corner = tuple(u + step * v for u, v in zip(unclipped.point, w, strict=True))
+            if not len(touched_and_violated(halfspaces, corner)[1]):
+                break
+            step /= 4096
+        corners.append((corner[0], corner[1], corner[2]))
+    return certify(halfspaces, unclipped, corners)

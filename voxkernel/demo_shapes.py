@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -121,7 +121,7 @@ SHAPES: tuple[DemoShape, ...] = (
     DemoShape("hooked", "Hooked nose", "The same face with an overhang.", lambda: face(hook=0.45)),
     DemoShape("slit", "Prism with a slit", "The kernel is a box one hundredth thick.", lambda: s_prism(slit=0.01)),
     DemoShape("flat", "Prism without a slit", "The kernel is a flat square: it has no volume.", s_prism),
-    DemoShape("torus", "Torus", "Four facets whose inner sides have no common point prove that the kernel is empty.", torus),
+    DemoShape("torus", "Torus", "No point is on the inner side of all four red facets.", torus),
     DemoShape("comet", "Comet", "Two lobes on a bent axis: no point sees both.", comet),
 )
 
@@ -150,7 +150,7 @@ def _icosphere(subdivisions: int) -> tuple[NDArray[np.float64], NDArray[np.int64
     edges = np.linalg.norm(points[:, None] - points[None], axis=-1) < 2.1
     np.fill_diagonal(edges, False)
     faces = np.array(
-        [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if edges[a, b] and edges[b, c] and edges[a, c]]
+        [t for t in combinations(range(12), 3) if all(edges[a, b] for a, b in combinations(t, 2))]
     )
     inward = np.linalg.det(points[faces]) < 0.0
     faces[inward] = faces[inward, ::-1]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, as_positive, read_only
-from voxkernel._cube import root_cube
+from voxkernel._cube import RootCube, root_cube
 from voxkernel._relaxed import cube_arrays
 from voxkernel._weights import UNITS, WeighedPlanes, halfspaces_of, relaxed_domain, weigh
 from voxkernel.domain import Domain, surface_frame
@@ -20,12 +20,15 @@ from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.polytope import kernel_of_halfspaces
+from voxkernel.predicates import exact_slacks, planes_not_clear
 
 __all__ = ["StarCenter", "best_center", "center_of_planes", "violation", "violation_grid"]
 
 _UNIT_ROUNDOFF = 2.0**-53
 _THREAD_CHUNK = 1 << 15
-_LEVELS = (10, 18, 26, 34, 42)
+_LEVELS = (12, 18, 26, 34, 42)
+_COARSE_LEVELS = (6, 6, 7, 8, 9, *_LEVELS)
+_COARSE = 512  # planes up to which the least violated points are often a plane, a line or a point
 _MAX_CELLS = 2_000_000
 _GAP = 1e-4
 
@@ -42,7 +45,8 @@ class StarCenter:
         World coordinates, inside the domain.
     violation_bounds : (float, float)
         Certain bounds on the smallest violation in the domain, as a share of the whole weight. The upper
-        one is reached at `point`. Both are 0 exactly when the kernel is not empty.
+        one is reached at `point`, or within rounding of it where the least violated points fill no volume.
+        Both are 0 exactly when the kernel is not empty.
     domain : Domain or None
         Where the point was looked for; None when a kernel was found without one.
     n_cells : int
@@ -274,34 +278,64 @@ def _searched(
 
     axes = np.eye(3) if mesh is None else surface_frame(mesh)[1]
     cube = _skew_cube(region, axes)
-    normals, offsets, reach, pads, weights, n_domain = cube_arrays(planes, region, cube, _LEVELS[-1])
+    arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
     blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     point = region.vertices.mean(axis=0)
+    is_coarse = len(planes.facets) <= _COARSE
+    seeds = point[None] if mesh is None or not is_coarse else np.concatenate([point[None], mesh.vertices])
     border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
-    inside = not violated_units(border, point[None]).any()
-    best = int(violated_units(planes, point[None])[0]) if inside else int(planes.weights.sum())
-    known, lower, n_cells = best, 0, 0
-    for levels in _LEVELS:
-        unit = np.full(3, np.nan)
+    seeds = seeds[violated_units(border, seeds) == 0]
+    best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)
+    if len(seeds):
+        sums = violated_units(planes, seeds)
+        point, best = seeds[np.argmin(sums)], int(sums.min())
+    for levels in _COARSE_LEVELS if is_coarse else _LEVELS:
+        unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
         best, lower, count = least_violated(
-            normals, offsets, reach, pads, weights, n_domain, blur, best, int(gap * UNITS), ratio,
-            levels, _MAX_CELLS, unit,
-        )  # fmt: skip
+            *arrays, blur, best, close, ratio, levels, _MAX_CELLS, unit, open_cell
+        )
         n_cells += count
         if not np.isnan(unit).any():
             point = cube.to_world(unit)
-        if best - lower <= max(int(gap * UNITS), int(ratio * best)) or count >= _MAX_CELLS:
+            # Planes within rounding of the point were counted as violated: the exact sum may be smaller.
+            best = min(best, int(violated_units(planes, point[None])[0]))
+        if best - lower <= max(close, int(ratio * best)):
             break
-    if best < known:
-        # Planes within rounding of the point were counted as violated: the exact sum may be smaller.
-        best = min(best, int(violated_units(planes, point[None])[0]))
+        flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
+        if flat is not None and flat[1] < best:
+            point, best = flat
+        if best - lower <= max(close, int(ratio * best)) or count >= _MAX_CELLS:
+            break
     return point, best, min(lower, best), n_cells
 
 
-def _skew_cube(region: Domain, axes: NDArray[np.float64]) -> Any:
-    """Place a cube around the domain whose cells do not line up with planes at simple fractions of its size."""
-    from voxkernel._cube import RootCube
+def _meeting_point(
+    planes: WeighedPlanes, region: Domain, cube: RootCube, cell: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int] | None:
+    """Find a point of a small cell on the inner side of all planes through it, and what it violates.
 
+    Where the least violated points lie on a plane, a line or a point, no centre of a cell meets them. The
+    point is exact; it is rounded only when it is returned.
+    """
+    if np.isnan(cell).any():
+        return None
+    facets = planes.facets
+    middle, reach = cube.to_world(cell[:3]), cell[3] * cube.edge * (1.0 + 1e-6)
+    near = np.abs(facets.normals @ middle - facets.offsets) <= 2.0 * reach
+    sides = np.concatenate([cube.axes, -cube.axes])
+    corner = facets.select(near).with_planes(region.normals, region.offsets).with_planes(sides, sides @ middle + reach)
+    found = find_feasibility(corner)
+    if found.point is None:
+        return None
+    exact = corner.lattice_to_world(found.point)
+    lattice = facets.world_to_lattice(exact)
+    ids = planes_not_clear(facets, lattice)
+    violated = [i for i, s in zip(ids, exact_slacks(facets, ids, lattice), strict=True) if s < 0]
+    return np.array([float(v) for v in exact]), int(planes.weights[violated].sum())
+
+
+def _skew_cube(region: Domain, axes: NDArray[np.float64]) -> RootCube:
+    """Place a cube around the domain whose cells do not line up with planes at simple fractions of its size."""
     cube, _ = root_cube(region.vertices, axes)
     edge = cube.edge * 1.0860342
     shift = cube.edge * np.array([0.0398107, 0.0466301, 0.0321433])

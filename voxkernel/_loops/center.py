@@ -55,7 +55,7 @@ def _keep_crossing(x, y, z, reach, pad, value, weight, first, last, at, sx, sy, 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
 def least_violated(  # type: ignore[no-untyped-def]
-    normals, offsets, reach, pads, weights, n_domain, blur, best, gap, ratio, max_level, max_cells, center
+    normals, offsets, reach, pads, weights, n_domain, blur, best, gap, ratio, max_level, max_cells, center, open_cell
 ):
     """Find the least violated weight in the unit cube within `gap`, or within `ratio` of it where that is more.
 
@@ -64,7 +64,8 @@ def least_violated(  # type: ignore[no-untyped-def]
     in the order of what their centre violates, so that a good point is found early.
 
     Returns (best, lower, n_cells): `lower` is certain; it is further below than asked for when cells of
-    `max_level` stay open or `max_cells` have been looked at.
+    `max_level` stay open or `max_cells` have been looked at. `open_cell` is then centre and half edge of
+    the least violated cell of `max_level`.
     """
     n = offsets.shape[0]
     size = 3 * n + 1024
@@ -94,6 +95,7 @@ def least_violated(  # type: ignore[no-untyped-def]
     n_children = np.zeros(max_level + 2, np.int64)
     keys = np.empty(8, np.int64)
     lower = best
+    least_open = best
     n_cells = 0
     # Slot l is a cell of level l whose children are open; slot 0 is the root.
     middle[0] = n_domain
@@ -151,6 +153,12 @@ def least_violated(  # type: ignore[no-untyped-def]
         enough = best - max(gap, np.int64(ratio * best))
         if sure >= enough or level + 1 >= max_level or n_cells >= max_cells:
             lower = min(lower, sure)
+            if sure < enough and sure < least_open and level + 1 >= max_level:
+                least_open = sure
+                open_cell[0] = centre[level, 0] + (h if c & 4 else -h)
+                open_cell[1] = centre[level, 1] + (h if c & 2 else -h)
+                open_cell[2] = centre[level, 2] + (h if c & 1 else -h)
+                open_cell[3] = h
             continue
         sx = h if c & 4 else -h
         sy = h if c & 2 else -h

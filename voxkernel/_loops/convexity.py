@@ -8,7 +8,7 @@ from voxkernel._loops.coplanar import orient3d_exact
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def halfedge_twins(faces, n_vertices):  # type: ignore[no-untyped-def]
+def halfedge_twins(faces, n_vertices):
     """Pair the half-edges of a surface: edge k of face f is 3 f + k, from corner k to corner k + 1.
 
     -1 where an edge does not have exactly two faces that traverse it in opposite directions.
@@ -67,7 +67,7 @@ def halfedge_twins(faces, n_vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def edge_convexity(vertices, faces, twins, face_planes, plane_corners):  # type: ignore[no-untyped-def]
+def edge_convexity(vertices, faces, twins, face_planes, plane_corners):
     """Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without twin."""
     answer = 2
     for this in range(twins.shape[0]):
@@ -89,7 +89,7 @@ def edge_convexity(vertices, faces, twins, face_planes, plane_corners):  # type:
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def orientation(a, b, c, d):  # type: ignore[no-untyped-def]
+def orientation(a, b, c, d):
     """Sign of ((b - a) x (c - a)) . (d - a): positive above the triangle; filtered, then exact."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]

@@ -14,14 +14,14 @@ _SPLITTER = 134217729.0  # 2**27 + 1
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _two_sum(a, b):  # type: ignore[no-untyped-def]
+def _two_sum(a, b):
     x = a + b
     virtual = x - a
     return x, (a - (x - virtual)) + (b - virtual)
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _two_product(a, b):  # type: ignore[no-untyped-def]
+def _two_product(a, b):
     x = a * b
     c = _SPLITTER * a
     a_high = c - (c - a)
@@ -33,7 +33,7 @@ def _two_product(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _add(e, n_e, f, n_f, h):  # type: ignore[no-untyped-def]
+def _add(e, n_e, f, n_f, h):
     """Write the exact sum of two expansions to h without zeros; return its length."""
     if n_e == 0 and n_f == 0:
         return 0
@@ -59,7 +59,7 @@ def _add(e, n_e, f, n_f, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _scale(e, n_e, b, h):  # type: ignore[no-untyped-def]
+def _scale(e, n_e, b, h):
     """Write the exact product of an expansion and a double to h without zeros; return its length."""
     n = 0
     if n_e == 0 or b == 0.0:
@@ -85,7 +85,7 @@ def _scale(e, n_e, b, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _cross_term(ax, ay, bx, by, sign, t, u, out):  # type: ignore[no-untyped-def]
+def _cross_term(ax, ay, bx, by, sign, t, u, out):
     """Write sign * (ax by - bx ay) exactly to out; return its length."""
     high, low = _two_product(ax, by)
     t[0] = sign * low
@@ -97,7 +97,7 @@ def _cross_term(ax, ay, bx, by, sign, t, u, out):  # type: ignore[no-untyped-def
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def orient3d_exact(a, b, c, d):  # type: ignore[no-untyped-def]
+def orient3d_exact(a, b, c, d):
     """Sign of the determinant of (a - d, b - d, c - d), exact."""
     t = np.empty(2)
     u = np.empty(2)
@@ -136,7 +136,7 @@ def orient3d_exact(a, b, c, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _coplanar(vertices, plane, other):  # type: ignore[no-untyped-def]
+def _coplanar(vertices, plane, other):
     """Whether the corners of one triangle lie exactly on the plane of another."""
     a = vertices[plane[0]]
     b = vertices[plane[1]]
@@ -157,7 +157,7 @@ def _coplanar(vertices, plane, other):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def coplanar_groups(normals, offsets, vertices, corners, order, keys, window, groups):  # type: ignore[no-untyped-def]
+def coplanar_groups(normals, offsets, vertices, corners, order, keys, window, groups):
     """Fill groups[i] with the first facet (in `order`) that is exactly coplanar with facet i and faces the same way.
 
     `keys` are the sorted values of a random linear function of (n, d); candidates lie within `window`.

@@ -9,7 +9,7 @@ N_BINS = 6 * 8 * 8
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _solve4(matrix, right):  # type: ignore[no-untyped-def]
+def _solve4(matrix, right):
     """Solve a 4 x 4 system in place by elimination with row pivoting; False when singular."""
     for k in range(4):
         pivot = k
@@ -36,7 +36,7 @@ def _solve4(matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _row(index, normals, offsets, rows, box, cap, out):  # type: ignore[no-untyped-def]
+def _row(index, normals, offsets, rows, box, cap, out):
     """Write constraint `index` as (n, tau) into out and return its right-hand side.
 
     Rows 0..5 are the box, row 6 caps t, the others are half-spaces of the working set.
@@ -58,7 +58,7 @@ def _row(index, normals, offsets, rows, box, cap, out):  # type: ignore[no-untyp
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point, tolerance, max_steps):  # type: ignore[no-untyped-def]
+def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point, tolerance, max_steps):
     """Maximise t with n . x + t <= d over the working set, |x|_inf <= box, t <= 2 box.
 
     `basis` holds four constraint numbers (see `_row`) and is used as the start when it is dual
@@ -145,7 +145,7 @@ def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _bin(nx, ny, nz):  # type: ignore[no-untyped-def]
+def _bin(nx, ny, nz):
     """Direction bin of a normal: a face of the cube and a cell of its 8 x 8 grid."""
     ax, ay, az = abs(nx), abs(ny), abs(nz)
     if ax >= ay and ax >= az:
@@ -163,7 +163,7 @@ def _bin(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def tightest_by_direction(normals, offsets, errors, point, limit, ids, slacks):  # type: ignore[no-untyped-def]
+def tightest_by_direction(normals, offsets, errors, point, limit, ids, slacks):
     """One pass: the smallest slack d - n . x, the least certain one, and the tightest plane of each direction bin.
 
     Planes with slack >= limit are left out of the bins. `ids` is -1 where a bin is empty.
@@ -193,7 +193,7 @@ def tightest_by_direction(normals, offsets, errors, point, limit, ids, slacks): 
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def plane_signs(normals, offsets, errors, point, slack_error, undecided):  # type: ignore[no-untyped-def]
+def plane_signs(normals, offsets, errors, point, slack_error, undecided):
     """One pass: list the planes whose sign at a point is not certainly negative (inside).
 
     `slack_error` is a bound on the distance between `point` and the exact point meant.

@@ -14,21 +14,21 @@ ALL_BITS = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _grown_1d(array):  # type: ignore[no-untyped-def]
+def _grown_1d(array):
     bigger = np.empty(2 * array.shape[0] + 64, array.dtype)
     bigger[: array.shape[0]] = array
     return bigger
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _grown_2d(array):  # type: ignore[no-untyped-def]
+def _grown_2d(array):
     bigger = np.empty((2 * array.shape[0] + 64, array.shape[1]), array.dtype)
     bigger[: array.shape[0]] = array
     return bigger
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _brick(half, normals, reach, pads, ids, values, first, last, inside, possible):  # type: ignore[no-untyped-def]
+def _brick(half, normals, reach, pads, ids, values, first, last, inside, possible):
     """Fill the masks of an 8^3 brick: voxels inside all half-spaces, voxels not certainly outside one.
 
     In the column (x, y), a half-space leaves the voxels on one side of a plane: z below or above a
@@ -92,7 +92,7 @@ def _brick(half, normals, reach, pads, ids, values, first, last, inside, possibl
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def exact_cells(normals, offsets, reach, pads, depth, count_only):  # type: ignore[no-untyped-def]
+def exact_cells(normals, offsets, reach, pads, depth, count_only):
     """Classify the unit cube down to 2**depth voxels an edge; bricks of 8^3 are the last level.
 
     Returns (tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary, n_inside, n_boundary); the
@@ -247,7 +247,7 @@ def exact_cells(normals, offsets, reach, pads, depth, count_only):  # type: igno
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _ones(word):  # type: ignore[no-untyped-def]
+def _ones(word):
     """Count the set bits of a 64-bit word."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))

@@ -11,7 +11,7 @@ MAX_SLENDERNESS = 1e6
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def facet_planes(vertices, corners, origin, inverse_scale, normals, offsets, areas, errors):  # type: ignore[no-untyped-def]
+def facet_planes(vertices, corners, origin, inverse_scale, normals, offsets, areas, errors):
     """Fill unit normals, offsets, areas and relative error bounds; return the number left undecided.
 
     The corner opposite the longest edge is the apex: it gives the best conditioned cross product.
@@ -103,7 +103,7 @@ def facet_planes(vertices, corners, origin, inverse_scale, normals, offsets, are
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def coordinate_range(vertices):  # type: ignore[no-untyped-def]
+def coordinate_range(vertices):
     """One pass: lower and upper corner of the bounding box, and the smallest magnitude but zero."""
     low = vertices[0].copy()
     high = vertices[0].copy()
@@ -120,7 +120,7 @@ def coordinate_range(vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def boundary_is_zero(faces, n_vertices):  # type: ignore[no-untyped-def]
+def boundary_is_zero(faces, n_vertices):
     """Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 
     Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.

@@ -7,7 +7,7 @@ from voxkernel._loops import NUMBA_CACHE
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def dual_faces(simplices, outward, vertex_ids, n_duals):  # type: ignore[no-untyped-def]
+def dual_faces(simplices, outward, vertex_ids, n_duals):
     """List the polygon of every dual point: the vertices of the triangles around it, in order.
 
     simplices : (m, 3) dual points of each hull triangle; outward[i] is False where the triangle must
@@ -76,7 +76,7 @@ def dual_faces(simplices, outward, vertex_ids, n_duals):  # type: ignore[no-unty
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def moments(vertices, start, ring):  # type: ignore[no-untyped-def]
+def moments(vertices, start, ring):
     """Volume, first and second moments about the origin, area, of polygons seen from the origin inside."""
     volume = 0.0
     area = 0.0
@@ -110,7 +110,7 @@ def moments(vertices, start, ring):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def neighbours(start, ring, n_vertices):  # type: ignore[no-untyped-def]
+def neighbours(start, ring, n_vertices):
     """List the vertices joined to each vertex by an edge: (first, list), from the rings of all faces."""
     first = np.zeros(n_vertices + 1, np.int64)
     for j in range(ring.shape[0]):
@@ -128,7 +128,7 @@ def neighbours(start, ring, n_vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def _climb(nx, ny, nz, vertices, first, joined, at):  # type: ignore[no-untyped-def]
+def _climb(nx, ny, nz, vertices, first, joined, at):
     """Walk uphill along edges to the vertex farthest in a direction; on a convex polyhedron that is the best one."""
     best = nx * vertices[at, 0] + ny * vertices[at, 1] + nz * vertices[at, 2]
     while True:
@@ -145,7 +145,7 @@ def _climb(nx, ny, nz, vertices, first, joined, at):  # type: ignore[no-untyped-
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def planes_reaching(normals, offsets, errors, vertices, first, joined, center, half, slack, keep):  # type: ignore[no-untyped-def]
+def planes_reaching(normals, offsets, errors, vertices, first, joined, center, half, slack, keep):
     """One pass: list the planes with n . v - d > -(error + slack) for some vertex v of a convex polyhedron.
 
     A plane clear of the box center +- half is skipped; for the rest the climb starts where the
@@ -173,7 +173,7 @@ def planes_reaching(normals, offsets, errors, vertices, first, joined, center, h
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
-def solid_angle(vertices, ring):  # type: ignore[no-untyped-def]
+def solid_angle(vertices, ring):
     """Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983)."""
     total = 0.0
     length = np.empty(3)

@@ -48,7 +48,8 @@ def run(args: argparse.Namespace) -> int:
     _write_report(results, folder)
     for r in results:
         score = r["score"]
-        print(f"{r['shape'].name:8}  {score.verdict:16}  ratio {number(score.ratio, 4):8}  volume {number(score.volume, 4)}")
+        numbers = f"ratio {number(score.ratio, 4):9}  volume {number(score.volume, 4)}"
+        print(f"{r['shape'].name:8}  {score.verdict:16}  {numbers}")
     print_table({
         "report": display(folder / "index.html"),
         "interactive": display(folder / "interactive.html"),

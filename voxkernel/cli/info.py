@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the facts."""
     suffix = Path(args.path).suffix.lower()
-    facts = npz_facts(args.path) if suffix == ".npz" else vdb_facts(args.path) if suffix == ".vdb" else mesh_facts(args.path)
+    facts = {".npz": npz_facts, ".vdb": vdb_facts}.get(suffix, mesh_facts)(args.path)
     document = {"file": args.path, **facts}
     if args.json:
         print_json(document)
@@ -106,5 +106,5 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return number(value, 10)
     if isinstance(value, list):
-        return "  ".join(_text(item) for item in value)
-    return "-" if value is None else display(str(value))
+        return "  ".join(_text(item) for item in value) or "-"
+    return "-" if value is None or value == "" else display(str(value))

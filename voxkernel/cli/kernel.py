@@ -41,13 +41,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz or .vdb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
-    parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)")
+    parser.add_argument(
+        "--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)"
+    )
     grid = parser.add_argument_group("voxel grid")
     step = grid.add_mutually_exclusive_group()
     step.add_argument("--depth", type=_depth, metavar="N", help="2**N voxels along the root cube, 3 to 20")
     step.add_argument("--voxel-size", type=_positive, metavar="H", help="edge of a voxel, in mesh units")
-    step.add_argument("--rtol", type=_positive, metavar="R", help="refine until the volume bounds are that close, relatively")
-    grid.add_argument("--frame", choices=("world", "principal"), help="axes of the grid: the world's or the surface's own")
+    step.add_argument("--rtol", type=_positive, metavar="R", help="refine until the volume bounds are this close")
+    grid.add_argument(
+        "--frame", choices=("world", "principal"), help="axes of the grid: the world's or the surface's own"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -58,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     options = {name: value for name, value in options.items() if value is not None}
     as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
-        raise UsageError(f"output must not be the mesh itself; got '{display(args.output)}'")
+        raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
     note_first_compilation(quiet=args.quiet)
 
     from voxkernel.mesh_input import as_mesh
@@ -83,7 +87,12 @@ def run(args: argparse.Namespace) -> int:
     if picture is not None:
         from voxkernel.pictures import surface_picture
 
-        surface_picture(mesh, kernel, picture, title=display(Path(args.mesh).name))
+        shown = kernel
+        if as_grid and kernel.dimension < 3:  # nothing to see in the grid; the polytope has the proof
+            from voxkernel.polytope import exact_kernel
+
+            shown = exact_kernel(mesh, domain=args.domain)
+        surface_picture(mesh, shown, picture, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)
@@ -154,12 +163,11 @@ def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
         from voxkernel.vdb import write_vdb
 
         write_vdb(path, {"inside": kernel.inside, "boundary": kernel.boundary})
-    elif hasattr(kernel, "face_facets"):
-        from voxkernel.cli.kernel_files import write_polygon_ply
-
-        write_polygon_ply(kernel, path)
     else:
-        kernel.to_mesh().write(path)
+        from voxkernel.cli.kernel_files import write_grid_ply, write_polygon_ply
+
+        write = write_polygon_ply if hasattr(kernel, "face_facets") else write_grid_ply
+        write(kernel, path)
 
 
 def _depth(text: str) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 from voxkernel.errors import MeshReadError
 
-__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file", "write_polygon_ply"]
+__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file", "write_grid_ply", "write_polygon_ply"]
 
 FORMAT = "voxkernel grid 1"
 
@@ -71,15 +71,28 @@ def write_polygon_ply(kernel: Any, path: Path) -> None:
 
     An empty kernel gives a file without vertices.
     """
+    _write_ply(path, kernel.vertices, kernel.faces, kernel.face_facets)
+
+
+def write_grid_ply(grid: Any, path: Path) -> None:
+    """Write the faces of the inside voxels as triangles; a file without vertices where there is none."""
+    if grid.active_voxel_count:
+        grid.to_mesh().write(path)
+    else:
+        import numpy as np
+
+        _write_ply(path, np.zeros((0, 3)), (), np.zeros(0))
+
+
+def _write_ply(path: Path, vertices: Any, faces: Any, facets: Any) -> None:
     import numpy as np
 
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment voxkernel kernel\n"
-        f"element vertex {len(kernel.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
-        f"element face {len(kernel.faces)}\nproperty list int int vertex_indices\nproperty int input_facet\nend_header\n"
+        f"element vertex {len(vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(faces)}\nproperty list int int vertex_indices\nproperty int input_facet\n"
+        "end_header\n"
     )
-    rows = [
-        np.concatenate([[len(face)], face, [facet]]) for face, facet in zip(kernel.faces, kernel.face_facets, strict=True)
-    ]
+    rows = [np.concatenate([[len(face)], face, [facet]]) for face, facet in zip(faces, facets, strict=True)]
     body = np.concatenate(rows).astype("<i4").tobytes() if rows else b""
-    path.write_bytes(header.encode("ascii") + kernel.vertices.astype("<f8").tobytes() + body)
+    path.write_bytes(header.encode("ascii") + vertices.astype("<f8").tobytes() + body)

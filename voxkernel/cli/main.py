@@ -80,10 +80,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    common = argparse.ArgumentParser(add_help=False)
+    common = _Parser(add_help=False)
     group = common.add_argument_group("messages")
     group.add_argument(
-        "-v", "--verbose", action="count", default=argparse.SUPPRESS, help="show the log, and errors with their traceback"
+        "-v", "--verbose", action="count", default=argparse.SUPPRESS, help="show log, warnings and tracebacks"
     )
     group.add_argument(
         "-q", "--quiet", action="store_true", default=argparse.SUPPRESS, help="no messages but errors on stderr"

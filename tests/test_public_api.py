@@ -1,0 +1,90 @@
+"""What users may rely on: the list of names and what their docstrings say."""
+
+import ast
+import inspect
+import re
+import typing
+from itertools import pairwise
+
+import pytest
+
+import voxkernel
+
+# Changing this list changes the public interface: say so in CHANGELOG.md.
+NAMES = [
+    "TriangleMesh",
+    "VoxKernelError",
+    "as_mesh",
+    "exact_kernel",
+    "starshapeness",
+    "voxel_kernel",
+]
+CALLABLES = [name for name in NAMES if name != "VoxKernelError"]
+
+
+def sections(name):
+    lines = inspect.getdoc(getattr(voxkernel, name)).splitlines()
+    return {a.strip() for a, b in pairwise(lines) if re.fullmatch(r"-{3,}", b.strip())}
+
+
+def test_all_is_fixed_and_sorted():
+    assert voxkernel.__all__ == sorted(voxkernel.__all__)
+    assert voxkernel.__all__ == NAMES
+
+
+def test_init_holds_imports_only():
+    tree = ast.parse(inspect.getsource(voxkernel))
+    allowed = (ast.ImportFrom, ast.Assign, ast.Expr)
+    assert all(isinstance(node, allowed) for node in tree.body)
+    assigned = {t.id for node in tree.body if isinstance(node, ast.Assign) for t in node.targets}
+    assert assigned == {"__all__", "__version__"}
+
+
+def test_version():
+    assert re.fullmatch(r"\d+\.\d+\.\d+", voxkernel.__version__)
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_docstring_sections(name):
+    thing = getattr(voxkernel, name)
+    have = sections(name)
+    needed = {"Examples"}
+    if inspect.isclass(thing):
+        needed |= {"Parameters"}
+    else:
+        needed |= {"Parameters"} if inspect.signature(thing).parameters else set()
+        needed |= {"Raises"}
+        returns = typing.get_type_hints(thing).get("return")
+        needed |= set() if returns is type(None) else {"Returns"}
+    assert needed <= have, f"{name} lacks {sorted(needed - have)}"
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_every_parameter_is_documented(name):
+    thing = getattr(voxkernel, name)
+    if inspect.isclass(thing):
+        fields = [n for n in inspect.signature(thing).parameters if not n.startswith("_")]
+    else:
+        fields = list(inspect.signature(thing).parameters)
+    doc = inspect.getdoc(thing)
+    missing = [f for f in fields if not re.search(rf"^(.*, )?{f}(, .*)? : ", doc, re.MULTILINE)]
+    assert not missing, f"{name} does not document {missing}"
+
+
+@pytest.mark.parametrize("name", [n for n in CALLABLES if n[0].islower()])
+def test_options_are_keyword_only_and_typed(name):
+    thing = getattr(voxkernel, name)
+    for parameter in inspect.signature(thing).parameters.values():
+        assert parameter.annotation is not inspect.Parameter.empty
+        if parameter.default is not inspect.Parameter.empty:
+            assert parameter.kind is inspect.Parameter.KEYWORD_ONLY, f"{name}: {parameter.name}"
+
+
+def test_errors_are_one_family():
+    from voxkernel import errors
+
+    for name in errors.__all__:
+        assert issubclass(getattr(errors, name), voxkernel.VoxKernelError)
+    assert issubclass(errors.MeshError, ValueError)
+    assert issubclass(errors.MeshReadError, OSError)
+    assert issubclass(errors.SolverError, RuntimeError)
