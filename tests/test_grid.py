@@ -42,9 +42,7 @@ def test_runs_are_cut_into_the_fewest_cells(ends):
     pairs = np.array(ends[: len(ends) // 2 * 2], dtype=np.int64).reshape(-1, 2)
     cut = _morton.decompose(pairs[:, 0], pairs[:, 1])
     covered = [
-        c
-        for code, level in zip(cut.code, cut.level.tolist(), strict=True)
-        for c in range(code, code + 8**level)
+        c for code, level in zip(cut.code, cut.level.tolist(), strict=True) for c in range(code, code + 8**level)
     ]
     assert sorted(covered) == [c for low, last in pairs for c in range(low, last + 1)]
     assert (cut.code % 8 ** cut.level.astype(np.int64) == 0).all()
@@ -158,9 +156,7 @@ def test_values_can_be_cut_with_a_mask_and_the_reverse(seed_a, seed_b):
     dense_a, dense_b = dense_mask(a), dense_mask(b)
     inner, outer = a.intersection(b), a.difference(b)
     np.testing.assert_array_equal(dense_mask(inner), dense_a & dense_b)
-    np.testing.assert_array_equal(
-        dense_values(outer)[dense_a & ~dense_b], dense_values(a)[dense_a & ~dense_b]
-    )
+    np.testing.assert_array_equal(dense_values(outer)[dense_a & ~dense_b], dense_values(a)[dense_a & ~dense_b])
     assert b.intersection(a).is_mask
     np.testing.assert_array_equal(dense_mask(b.difference(a)), dense_b & ~dense_a)
 
@@ -334,11 +330,16 @@ def test_inactive_tiles_are_values_without_activity():
     points = [[0, 0, 0], [0, 0, 1], [8, 0, 0], [31, 15, 15], [32, 0, 0]]
     assert grid.values_at(points).tolist() == [1, 3, -4, -3, 3]
     assert grid.is_active(points).tolist() == [True, False, False, False, False]
-    assert grid.to_dense([[0, 0, 0], [32, 0, 0]])[:, 0, 0].tolist() == [1] + [3] * 7 + [-4] * 8 + [
-        -3
-    ] * 16 + [3]
+    assert grid.to_dense([[0, 0, 0], [32, 0, 0]])[:, 0, 0].tolist() == [1] + [3] * 7 + [-4] * 8 + [-3] * 16 + [3]
     with pytest.raises(ValueError, match="must not overlap"):
         dataclasses.replace(grid, inactive_ijk=[[0, 0, 0], [16, 0, 0]], inactive_log2=[3, 4])
+    alone = dataclasses.replace(
+        SparseGrid.from_dense(np.zeros((1, 1, 1))), inactive_ijk=[[0, 0, 0]], inactive_log2=[3], inactive_values=[7]
+    )
+    assert alone.active_voxel_count == 0
+    assert alone.values_at([[0, 0, 0]]) == 7
+    with pytest.raises(ValueError, match="must not overlap"):
+        dataclasses.replace(alone, inactive_ijk=[[0, 0, 0]] * 2, inactive_log2=[3, 4], inactive_values=[7, 8])
     with pytest.raises(ValueError, match="`inactive_ijk` must be empty in a mask"):
         dataclasses.replace(tile_grid(3), inactive_ijk=[[8, 0, 0]], inactive_log2=[3], inactive_values=[1])
 
@@ -422,9 +423,7 @@ def test_empty_grids_are_values():
 
 
 def test_grids_pickle_copy_and_print():
-    grid = SparseGrid.from_ijk([[0, 0, 0]], values=[2], name="v").union(
-        SparseGrid.from_ijk([[9, 9, 9]], values=[1])
-    )
+    grid = SparseGrid.from_ijk([[0, 0, 0]], values=[2], name="v").union(SparseGrid.from_ijk([[9, 9, 9]], values=[1]))
     for again in (pickle.loads(pickle.dumps(grid)), copy.deepcopy(grid)):
         assert again == grid
         assert again.is_active([[9, 9, 9]]).all()

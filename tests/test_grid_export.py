@@ -51,8 +51,8 @@ def test_npz_files_survive_a_round_trip(tmp_path_factory, seed):
 
 
 def test_npz_files_are_compact(tmp_path):
-    at = np.indices((200, 200, 200), dtype=np.int16).reshape(3, -1).T - 100
-    ball = SparseGrid.from_ijk(at[(at.astype(int) ** 2).sum(axis=1) < 95**2])
+    at = np.indices((100, 100, 100), dtype=np.int16).reshape(3, -1).T - 50
+    ball = SparseGrid.from_ijk(at[(at.astype(int) ** 2).sum(axis=1) < 48**2])
     write_npz(tmp_path / "a.npz", ball)
     write_vdb(tmp_path / "a.vdb", ball)
     assert (tmp_path / "a.npz").stat().st_size < 0.3 * (tmp_path / "a.vdb").stat().st_size
@@ -127,7 +127,7 @@ def test_open3d_has_the_same_voxels(seed):
     "linear", [np.diag([1, 1, 2.0]), np.diag([1, 1, -1.0]), [[1, 0.5, 0], [0, 0.75**0.5, 0], [0, 0, 1]]]
 )
 def test_open3d_cannot_hold_other_voxels(linear):
-    with pytest.raises(ValueError, match="`grid` must have cubic voxels|`voxel_size` must be asked"):
+    with pytest.raises(ValueError, match=r"`grid` must have cubic voxels|`voxel_size` must be asked"):
         to_open3d_voxels(SparseGrid.from_ijk([[0, 0, 0]], linear=linear))
 
 
@@ -170,8 +170,10 @@ def test_large_grids_are_refused_before_they_are_expanded():
         to_pyvista_image(big)
     with pytest.raises(ValueError, match="`max_cells` must be at least 513; got 10"):
         to_pyvista_cells(big, max_cells=10)
-    with pytest.raises(ValueError, match="`max_faces` must be at least"):
+    with pytest.raises(ValueError, match="`max_faces` must be larger for tiles of 17179869184 patches"):
         to_surface(big)
+    with pytest.raises(ValueError, match="`max_faces` must be at least 12; got 11"):
+        to_surface(SparseGrid.from_ijk([[0, 0, 0]]), max_faces=11)
 
 
 # -- surface -------------------------------------------------------------------------
@@ -199,9 +201,9 @@ def test_the_surface_is_closed_and_encloses_the_active_volume(seed):
 
 
 def test_the_surface_of_a_large_tile_costs_its_surface():
-    big = SparseGrid.from_tiles_and_leaves([[-512, 0, 0], [0, 0, 0]], [9, 9], [], [])
+    big = SparseGrid.from_tiles_and_leaves([[-128, 0, 0], [0, 0, 0]], [7, 7], [], [])
     _, faces = to_surface(big)
-    assert len(faces) == 2 * 10 * 512**2  # two cubes side by side: the shared side is not shown
+    assert len(faces) == 2 * 10 * 128**2  # two cubes side by side: the shared side is not shown
 
 
 def test_the_surface_is_where_it_should_be():

@@ -15,8 +15,13 @@ NAMES = [
     "TriangleMesh",
     "VoxKernelError",
     "as_mesh",
+    "best_center",
+    "defect_profile",
     "exact_kernel",
     "starshapeness",
+    "violation",
+    "violation_grid",
+    "visible_fraction",
     "voxel_kernel",
 ]
 CALLABLES = [name for name in NAMES if name != "VoxKernelError"]

@@ -1,5 +1,6 @@
 """The README's own words are run."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -7,6 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+import voxkernel
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -24,7 +27,9 @@ def test_set_up_is_two_commands_and_ci_runs_them():
 
 @pytest.mark.parametrize("code", PYTHON)
 def test_python_block_runs(code, tmp_path):
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    command = [sys.executable, "-W", "error", "-c", code]
+    env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].startswith("3 0.559")
@@ -53,8 +58,6 @@ def test_commands_run(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", sorted(set(re.findall(r"`(?:voxkernel\.)?([a-z_]+(?:\.[a-z_]+)?)`", README))))
 def test_names_in_the_text_exist(name):
     import importlib
-
-    import voxkernel
 
     words = {"kernel", "score", "info", "demo", "ruff", "pyright", "verify"}
     if name in words or hasattr(voxkernel, name):

@@ -28,6 +28,13 @@ class Cells(NamedTuple):
     last: NDArray[np.int64]
     row: NDArray[np.int64]
 
+    def with_runs(self, code: NDArray[np.int64], last: NDArray[np.int64]) -> "Cells":
+        """These cells and further runs, sorted; the row of a further run is -1."""
+        all_code = np.concatenate([self.code, code])
+        order = np.argsort(all_code, kind="stable")
+        all_row = np.concatenate([self.row, np.full(len(code), -1)])
+        return Cells(all_code[order], np.concatenate([self.last, last])[order], all_row[order])
+
 
 class Body(NamedTuple):
     """What a grid holds, without its transform; values are None in a mask."""
@@ -227,9 +234,7 @@ def union(a: Body, b: Body, cells_a: Cells, cells_b: Cells) -> Body:
             np.concatenate([a.tile_log2[tiles_a], b.tile_log2[tiles_b]]),
             None,
             np.concatenate([a.leaf_code[leaves_a], b.leaf_code[leaves_b], a.leaf_code[rows_a]]),
-            np.concatenate(
-                [a.leaf_mask[leaves_a], b.leaf_mask[leaves_b], a.leaf_mask[rows_a] | b.leaf_mask[rows_b]]
-            ),
+            np.concatenate([a.leaf_mask[leaves_a], b.leaf_mask[leaves_b], a.leaf_mask[rows_a] | b.leaf_mask[rows_b]]),
             None,
         )
     )
@@ -287,9 +292,7 @@ def canonical(body: Body) -> Canonical:
     leaf_values = _taken(body.leaf_values, rest)
     if leaf_values is not None:
         leaf_values = np.where(unpack(body.leaf_mask[rest]).reshape(-1, 512), leaf_values, np.float32(0))
-    return Canonical(
-        code[starts], last[ends], run_values, body.leaf_code[rest], body.leaf_mask[rest], leaf_values
-    )
+    return Canonical(code[starts], last[ends], run_values, body.leaf_code[rest], body.leaf_mask[rest], leaf_values)
 
 
 def merged(body: Body) -> Body:

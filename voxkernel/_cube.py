@@ -31,7 +31,11 @@ class RootCube:
 
 
 def root_cube(
-    corners: NDArray[np.float64], axes: NDArray[np.float64], *, depth: int | None = None, voxel_size: float | None = None
+    corners: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    *,
+    depth: int | None = None,
+    voxel_size: float | None = None,
 ) -> tuple[RootCube, int]:
     """Place the root cube around points and choose its depth from whichever of the two is given."""
     along = corners @ axes.T if len(corners) else np.zeros((1, 3))

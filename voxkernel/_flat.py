@@ -15,12 +15,12 @@ from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.predicates import exact_slacks
 
-__all__ = ["RationalKernel", "RationalPoint", "rational_kernel", "rational_moments"]
+__all__ = ["RationalKernel", "RationalPoint", "rational_kernel", "rational_moments", "rough_corners"]
 
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 RationalKernel = tuple[list[RationalPoint], list[tuple[int, list[int]]]]
 
-_REACHES = (8, 2**14, 2**28)
+_REACHES = (8, 2**14, 2**28, 2**60, 2**120)
 
 
 def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel | None:
@@ -60,6 +60,23 @@ def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel |
         rows = np.concatenate([rows, fresh])
 
 
+def rough_corners(planes: HalfSpaces, inside: Feasibility) -> NDArray[np.float64] | None:
+    """Give corners, local and rounded, of a solid that contains the kernel and is about as thin.
+
+    The tightest half-spaces around the point, few at a time, until they bound a solid.
+    """
+    assert inside.local_point is not None
+    slack = planes.local_offsets - planes.local_normals @ inside.local_point
+    order = np.argsort(slack, kind="stable")
+    tight = np.concatenate([order[:16], _directions_missing(planes, inside, order[:16])])
+    for count in (48, 128, len(planes)):
+        polytope = _clip_rows(planes, tight[:count], inside)
+        if polytope is not None:
+            return np.array([planes.from_lattice(_lift(p, inside)) for p in polytope.vertices])
+        tight = np.concatenate([tight, np.setdiff1d(order, tight)])
+    return None
+
+
 def _clip_rows(planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility) -> RationalPolytope | None:
     """Clip in coordinates of the affine hull; None when the start still shows."""
     assert inside.point is not None
@@ -69,9 +86,7 @@ def _clip_rows(planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility)
     for i, p in zip(range(len(rows)), planes.integer_planes(rows), strict=True):
         normal = tuple(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in inside.directions)
         if any(normal):
-            reduced.append(
-                (normal, p[3] - sum((u * v for u, v in zip(p[:3], inside.point, strict=True)), Fraction(0)))
-            )
+            reduced.append((normal, p[3] - sum((u * v for u, v in zip(p[:3], inside.point, strict=True)), Fraction(0))))
             names.append(i)
     unit = Fraction(planes.scale) * planes.lattice_unit
     shortest = min(max(abs(v) for v in w) for w in inside.directions)
@@ -110,9 +125,7 @@ def _cutting_rows(planes: HalfSpaces, corners: list[RationalPoint]) -> NDArray[n
     return np.array(cutting, np.int64)
 
 
-def _directions_missing(
-    planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
     from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
 
@@ -160,9 +173,7 @@ def rational_moments(
     for ring in faces:
         for j, k in pairwise(ring[1:]):
             a, b, c = relative[ring[0]], relative[j], relative[k]
-            normal = _cross(
-                [u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)]
-            )
+            normal = _cross([u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)])
             area += _length(normal) / 2
             part = sum((u * v for u, v in zip(a, normal, strict=True)), zero) / 6
             volume += part
@@ -170,9 +181,7 @@ def rational_moments(
             for p in range(3):
                 first[p] += part * total3[p] / 4
                 for q in range(3):
-                    second[p][q] += (
-                        part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total3[p] * total3[q]) / 20
-                    )
+                    second[p][q] += part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total3[p] * total3[q]) / 20
     mean = [v / volume for v in first]
     second = [[second[p][q] - volume * mean[p] * mean[q] for q in range(3)] for p in range(3)]
     return volume, area, (mean[0] + base[0], mean[1] + base[1], mean[2] + base[2]), second

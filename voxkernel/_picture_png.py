@@ -110,7 +110,7 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
         data = pyvista.PolyData.from_regular_faces(points, scene.kernel_faces)
         plotter.add_mesh(data, smooth_shading=False, **material)
     elif len(points) == 2:
-        plotter.add_mesh(pyvista.Tube(points[0], points[1], radius=0.007 * size, n_sides=24), **material)
+        plotter.add_mesh(pyvista.Tube(pointa=points[0], pointb=points[1], radius=0.007 * size, n_sides=24), **material)
     else:
         plotter.add_mesh(pyvista.Sphere(radius=0.015 * size, center=points[0]), **material)
     if 0 < len(scene.kernel_lines) <= 4000 and len(scene.kernel_faces):

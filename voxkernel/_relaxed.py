@@ -70,9 +70,12 @@ def relaxed_cells_of(
         parts = [relaxed_cells(*arrays, 0, root, _NEVER, count_only)]
     else:
         top = relaxed_cells(*arrays, 0, root, _SPLIT_LEVEL, count_only)
+
+        def run(start: NDArray[np.int64]) -> tuple[Any, ...]:
+            return relaxed_cells(*arrays, _SPLIT_LEVEL, start, _NEVER, count_only)
+
         with ThreadPoolExecutor(threads) as pool:
-            rest = pool.map(lambda start: relaxed_cells(*arrays, _SPLIT_LEVEL, start, _NEVER, count_only), top[7])
-            parts = [top, *rest]
+            parts = [top, *pool.map(run, top[7])]
     found = [_sorted_out(parts, k) for k in range(len(shares))]
     return [found[k] for k in np.argsort(order, kind="stable")]
 
@@ -81,9 +84,9 @@ def _sorted_out(parts: list[tuple[Any, ...]], k: int) -> RelaxedCells:
     """Collect the rows of one threshold."""
     tiles = [part[2] == k for part in parts]
     leaves = [part[4] == k for part in parts]
-    return RelaxedCells(
-        *(np.concatenate([part[j][rows] for part, rows in zip(parts, tiles, strict=True)]) for j in (0, 1)),
-        *(np.concatenate([part[j][rows] for part, rows in zip(parts, leaves, strict=True)]) for j in (3, 5, 6)),
-        sum(int(part[8][k]) for part in parts),
-        sum(int(part[9][k]) for part in parts),
+    tile_ijk, tile_log2 = (np.concatenate([p[j][rows] for p, rows in zip(parts, tiles, strict=True)]) for j in (0, 1))
+    leaf_ijk, inside, boundary = (
+        np.concatenate([p[j][rows] for p, rows in zip(parts, leaves, strict=True)]) for j in (3, 5, 6)
     )
+    counts = sum(int(p[8][k]) for p in parts), sum(int(p[9][k]) for p in parts)
+    return RelaxedCells(tile_ijk, tile_log2, leaf_ijk, inside, boundary, *counts)

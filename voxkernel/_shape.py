@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isqrt
 
@@ -10,23 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._exact_program import deepest_rational_point
-from voxkernel._flat import RationalPoint, rational_kernel, rational_moments
+from voxkernel._flat import RationalPoint, rational_kernel, rational_moments, rough_corners
 from voxkernel._solid import (
+    Polyhedron,
     convex_surface,
     polyhedron_around,
     polyhedron_moments,
     relevant_rows,
     rows_reaching,
 )
+from voxkernel._stretched import Stretched, stretched_polyhedron
 from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
 
 __all__ = ["Shape", "rational_shape", "solid_shape"]
 
-# Below this share of depth to size, a solid is left to rational arithmetic.
+# Below this share of depth to size, and below this size, floating point alone loses digits.
 _THIN = 1e-5
-# A kernel smaller than this share of the surface gets its plane distances from rationals.
 _SMALL = 1e-3
+# So few half-spaces are cut exactly, in rationals.
+_FEW = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,43 +57,57 @@ class Shape:
 
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     """Find corners and faces in floating point; None where rationals must do it."""
-    from voxkernel._loops.linear_program import deepest_point
-
     point = inside.local_point
     if point is None or inside.clearance <= 0.0:
         return None
     rows, _ = relevant_rows(planes, point, inside.working_set)
-    solid = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
-    near = planes
-    if solid is None:
-        near = planes.select(rows)
-        heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
-        rows, near = rows[heads], near.select(heads)
-        solid = polyhedron_around(near, point)
-    if solid is None:
+    convex = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
+    if convex is not None:
+        return _float_shape(planes, rows, convex, inside)
+    near = planes.select(rows)
+    heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
+    rows, near = rows[heads], near.select(heads)
+    solid = polyhedron_around(near, point)
+    if solid is not None:
+        shape = _float_shape(near, rows, solid, inside)
+        if shape.clearance >= _THIN * solid.extent and solid.extent >= _SMALL:
+            return shape
+    if len(near) <= _FEW:
         return None
+    rough = rough_corners(near, replace(inside, working_set=np.arange(len(near))))
+    stretched = None if rough is None else stretched_polyhedron(near, point, rough)
+    return None if stretched is None else _stretched_shape(near, rows, stretched, inside)
+
+
+def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tuple[NDArray[np.float64], float]:
+    """Centre and radius of a largest ball between the faces."""
+    from voxkernel._loops.linear_program import deepest_point
+
+    normals = planes.local_normals[solid.rows]
+    # Relative to the centre and to the size, so that a small kernel is solved as well as a large one.
+    offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / solid.extent
     basis, multipliers, best = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
-    deepest_point(
-        near.local_normals, near.local_offsets, solid.rows, len(solid.rows), 2.0**28, basis, multipliers, best,
-        1e-14 * solid.extent, 2000,
-    )  # fmt: skip
-    slack = near.local_offsets[solid.rows] - near.local_normals[solid.rows] @ best[:3]
-    deepest, clearance = best[:3], float(slack.min())
+    ids = np.arange(len(solid.rows))
+    deepest_point(normals, offsets, ids, len(ids), 2.0, basis, multipliers, best, 1e-14, 2000)
+    clearance = float((offsets - normals @ best[:3]).min()) * solid.extent
     if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
-        deepest, clearance = point, inside.clearance
-    if clearance < _THIN * solid.extent:
-        return None
-    if solid.extent < _SMALL:
-        solid = polyhedron_around(near, deepest, slacks=_exact_distances(near, deepest)) or solid
+        return solid.center, inside.clearance
+    return solid.center + solid.extent * best[:3], clearance
+
+
+def _float_shape(planes: HalfSpaces, rows: NDArray[np.int64], solid: Polyhedron, inside: Feasibility) -> Shape:
+    """Measure a polyhedron; `rows` names the half-spaces of `planes`."""
+    deepest, clearance = _deepest(planes, solid, inside)
     volume, centroid, inertia, area = polyhedron_moments(solid)
     corners = solid.center + solid.vertices
     # The rows left out are clear of an outer polyhedron by 1e-9 of its size, so of these corners too.
-    _, excess = rows_reaching(near, solid)
+    _, excess = rows_reaching(planes, solid)
     owner = np.repeat(solid.rows, np.diff(solid.start))
-    on_face = np.abs(np.einsum("ij,ij->i", near.local_normals[owner], corners[solid.ring]) - near.local_offsets[owner])
+    on_face = np.abs(
+        np.einsum("ij,ij->i", planes.local_normals[owner], corners[solid.ring]) - planes.local_offsets[owner]
+    )
     # Moving every plane by the largest misfit changes the volume by less than this share.
-    misfit = max(float(on_face.max()), excess) + 2 * float(near.local_errors[solid.rows].max())
-    rounding = 4.0 * misfit / clearance + 1e-14
+    misfit = max(float(on_face.max()), excess) + 2 * float(planes.local_errors[solid.rows].max())
     return Shape(
         vertices=corners,
         face_starts=solid.start,
@@ -104,19 +121,24 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         clearance=clearance,
         corners=[],
         residual=max(0.0, excess),
-        rounding=rounding,
+        rounding=4.0 * misfit / clearance + 1e-14,
     )
 
 
-def _exact_distances(planes: HalfSpaces, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances of a local point from the planes, each rounded once from its exact value."""
-    lattice = planes.to_lattice(point)
-    unit = planes.scale * planes.lattice_unit
-    distances = np.empty(len(planes))
-    for i, (a, b, c, d) in enumerate(planes.integer_planes(range(len(planes)))):
-        slack = d - (a * lattice[0] + b * lattice[1] + c * lattice[2])
-        distances[i] = float(slack * (1 << 64) / isqrt((a * a + b * b + c * c) << 128) / Fraction(unit))
-    return distances
+def _stretched_shape(planes: HalfSpaces, rows: NDArray[np.int64], stretched: Stretched, inside: Feasibility) -> Shape:
+    """Measure a stretched polyhedron: moments in round coordinates, the rest as for any other."""
+    shape = _float_shape(planes, rows, stretched.solid, inside)
+    centered = replace(stretched.solid, vertices=stretched.round_vertices)
+    volume, centroid, inertia, _ = polyhedron_moments(centered)
+    basis = stretched.basis
+    factor = abs(float(np.linalg.det(basis)))
+    return replace(
+        shape,
+        volume=volume * factor,
+        centroid=stretched.solid.center + basis @ centroid,
+        inertia=basis @ inertia @ basis.T * factor,
+        rounding=8.0 * stretched.misfit + 1e-13,
+    )
 
 
 def rational_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from voxkernel.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
 
-__all__ = ["Polyhedron", "convex_surface", "polyhedron_around", "polyhedron_moments", "relevant_rows"]
+__all__ = [
+    "Polyhedron",
+    "convex_surface",
+    "polyhedron_around",
+    "polyhedron_moments",
+    "polyhedron_of_duals",
+    "relevant_rows",
+]
 
 _CULL_ABOVE = 3000
 _FIRST_BOX = 4.0
@@ -36,10 +43,8 @@ class Polyhedron:
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
 
-def polyhedron_around(
-    planes: HalfSpaces, point: NDArray[np.float64], *, slacks: NDArray[np.float64] | None = None
-) -> Polyhedron | None:
-    """Intersect half-spaces about a local point strictly inside them; `slacks` are its distances if known better.
+def polyhedron_around(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
+    """Intersect half-spaces about a local point strictly inside them.
 
     Returns None where Qhull gives up or the polyhedron is unbounded.
 
@@ -48,46 +53,66 @@ def polyhedron_around(
     The hull of the dual points n / (d - n . x) is computed once (Qhull, through SciPy); a triangle of
     it is a vertex, a point of it a face. A cube far away closes what is open.
     """
+    normals = planes.local_normals
+    slacks = planes.local_offsets - normals @ point
+    if slacks.min() <= 0.0:
+        return None
+    duals = normals / slacks[:, None]
+    box = _FIRST_BOX
+    while box <= _LAST_BOX:
+        found = polyhedron_of_duals(duals, _CUBE / (2 * box - _CUBE @ point)[:, None])
+        if found is None:
+            return None
+        if found.is_closed:
+            return Polyhedron(point.copy(), found.vertices, found.start, found.ring, found.rows)
+        box *= 256.0
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class DualHull:
+    """What the hull of dual points says of a polyhedron about the origin; not closed where the closing shows."""
+
+    vertices: NDArray[np.float64]
+    start: NDArray[np.int64]
+    ring: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    is_closed: bool
+
+
+def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]) -> DualHull | None:
+    """Read the polyhedron { y : duals . y <= 1, closing . y <= 1 } off one convex hull; None where Qhull gives up."""
     from scipy.spatial import ConvexHull, QhullError
 
     from voxkernel._loops.polyhedron import dual_faces
 
-    normals = planes.local_normals
-    if slacks is None:
-        slacks = planes.local_offsets - normals @ point
-    if slacks.min() <= 0.0:
+    points = np.concatenate([duals, closing])
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
         return None
-    box = _FIRST_BOX
-    while True:
-        duals = np.concatenate([normals / slacks[:, None], _CUBE / (2 * box - _CUBE @ point)[:, None]])
-        try:
-            hull = ConvexHull(duals)
-        except QhullError:
-            return None
-        equations = hull.equations
-        if equations[:, 3].max() >= 0.0:
-            return None
-        if not (hull.simplices >= len(planes)).any():
-            break
-        if box >= _LAST_BOX:
-            return None
-        box *= 256.0
+    equations = hull.equations
+    if equations[:, 3].max() >= 0.0:
+        return None
+    if (hull.simplices >= len(duals)).any():
+        nothing = np.empty(0, np.int64)
+        return DualHull(np.empty((0, 3)), nothing, nothing, nothing, False)
+    # Triangles of one hull facet share their equation bit for bit: one vertex.
     order = np.lexsort(equations.T)
     ordered = equations[order]
     fresh = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
     vertex_ids = np.empty(len(order), np.int64)
     vertex_ids[order] = np.cumsum(fresh) - 1
     unique = ordered[fresh]
-    vertices = -unique[:, :3] / unique[:, 3:4]
-    corners = duals[hull.simplices]
+    corners = points[hull.simplices]
     turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outward = np.einsum("ij,ij->i", turn, equations[:, :3]) > 0
-    start, ring, closed = dual_faces(hull.simplices.astype(np.int64), outward, vertex_ids, len(planes))
-    if not closed:
+    start, ring, is_whole = dual_faces(hull.simplices.astype(np.int64), outward, vertex_ids, len(duals))
+    if not is_whole:
         return None
-    has_face = np.flatnonzero(np.diff(start))
-    compact = np.concatenate([start[has_face], start[-1:]])
-    return Polyhedron(point.copy(), vertices, compact, ring, has_face)
+    rows = np.flatnonzero(np.diff(start))
+    compact = np.concatenate([start[rows], start[-1:]])
+    return DualHull(-unique[:, :3] / unique[:, 3:4], compact, ring, rows, True)
 
 
 def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
@@ -142,9 +167,7 @@ def relevant_rows(
     return np.flatnonzero(keep), 2
 
 
-def rows_reaching(
-    planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9
-) -> tuple[NDArray[np.int64], float]:
+def rows_reaching(planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9) -> tuple[NDArray[np.int64], float]:
     """List the half-spaces not clear of a polyhedron by `pad` times its size, and the largest excess n . v - d."""
     from voxkernel._loops.polyhedron import neighbours, planes_reaching
 

@@ -29,7 +29,8 @@ UNITS = 1 << 60
 class WeighedPlanes:
     """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
 
-    `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from the sum of the true shares by at most `slack` units.
+    `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from that of the true
+    shares by at most `slack` units.
     """
 
     facets: HalfSpaces

@@ -148,12 +148,8 @@ class SparseGrid:
         tile_values = leaf_values = None
         if self.tile_values is not None:
             tile_values = array_of("tile_values", self.tile_values, np.dtype(np.float32), (len(tiles[0]),))
-            leaf_values = array_of(
-                "leaf_values", self.leaf_values, np.dtype(np.float32), (len(leaf_ijk), 512)
-            )
-        unsorted = Body(
-            encode(tiles[0] >> 3), tiles[1], tile_values, encode(leaf_ijk >> 3), leaf_mask, leaf_values
-        )
+            leaf_values = array_of("leaf_values", self.leaf_values, np.dtype(np.float32), (len(leaf_ijk), 512))
+        unsorted = Body(encode(tiles[0] >> 3), tiles[1], tile_values, encode(leaf_ijk >> 3), leaf_mask, leaf_values)
         body, tile_order, leaf_order = in_order(unsorted)
         _set(self, "tile_ijk", frozen(tiles[0] if tile_order is None else tiles[0][tile_order]))
         _set(self, "leaf_ijk", frozen(leaf_ijk if leaf_order is None else leaf_ijk[leaf_order]))
@@ -182,11 +178,7 @@ class SparseGrid:
             code = encode(ijk >> 3)
             order = np.argsort(code, kind="stable")
             ijk, log2, values, code = ijk[order], log2[order], values[order], code[order]
-            rest = _cells.cells_of(Body(code, log2, None, index.code, np.zeros((0, 8), np.uint64), None))
-            active_last = np.concatenate([np.zeros(len(code), np.int64), index.last])
-            is_active_cell = rest.row >= 0
-            last = np.where(is_active_cell, active_last[len(code) + np.maximum(rest.row, 0)], rest.last)
-            check_overlap(Cells(rest.code, last, rest.row))
+            check_overlap(index.with_runs(code, last_of(code, log2 - 3)))
         _set(self, "inactive_ijk", frozen(ijk))
         _set(self, "inactive_log2", frozen(log2))
         _set(self, "inactive_values", frozen(values))
@@ -413,9 +405,7 @@ class SparseGrid:
             raise ValueError(f"`array` must be bool or real (nx, ny, nz); got {dense.dtype} {dense.shape}")
         corner = coordinates("lower", np.reshape(np.asarray(lower), (1, -1)))[0]
         if (corner + dense.shape > REACH).any():
-            raise ValueError(
-                f"`array` must end below voxel {REACH}; got shape {dense.shape} from {corner.tolist()}"
-            )
+            raise ValueError(f"`array` must end below voxel {REACH}; got shape {dense.shape} from {corner.tolist()}")
         leaf_code, leaf_mask, leaf_values = blocks_from_dense(dense, corner, np.float32(background))
         return cls._from_leaves(
             leaf_code, leaf_mask, leaf_values, background, frame_of(origin, voxel_size, linear), name
@@ -489,9 +479,7 @@ class SparseGrid:
     def active_voxel_count(self) -> int:
         """Number of active voxels, exact however large."""
         log2, counts = np.unique(self.tile_log2, return_counts=True)
-        in_tiles = sum(
-            int(count) << (3 * int(exponent)) for exponent, count in zip(log2, counts, strict=True)
-        )
+        in_tiles = sum(int(count) << (3 * int(exponent)) for exponent, count in zip(log2, counts, strict=True))
         return in_tiles + int(popcount(self.leaf_mask).sum())
 
     @property
@@ -502,9 +490,7 @@ class SparseGrid:
         if self.tile_count:
             corners = self.tile_ijk.astype(np.int64)
             lows.append(corners.min(axis=0))
-            highs.append(
-                (corners + (np.int64(1) << self.tile_log2.astype(np.int64))[:, None] - 1).max(axis=0)
-            )
+            highs.append((corners + (np.int64(1) << self.tile_log2.astype(np.int64))[:, None] - 1).max(axis=0))
         used = self.leaf_mask.any(axis=1)
         if used.any():
             low, high = bit_bounds(self.leaf_mask[used])
@@ -650,9 +636,7 @@ class SparseGrid:
         """
         count = self.active_voxel_count
         if count > max_voxels:
-            raise ValueError(
-                f"`max_voxels` must be at least the {count} active voxels to list them; got {max_voxels}"
-            )
+            raise ValueError(f"`max_voxels` must be at least the {count} active voxels to list them; got {max_voxels}")
         return expanded(self._cells(), self.tile_ijk, self.tile_log2, (self.leaf_ijk, self.leaf_mask))
 
     def to_dense(self, bbox: ArrayLike | None = None, *, max_voxels: int = 1 << 30) -> NDArray[Any]:
@@ -691,9 +675,7 @@ class SparseGrid:
         if min(shape) < 0:
             raise ValueError(f"`bbox` must have low <= high + 1; got {box.tolist()}")
         if shape[0] * shape[1] * shape[2] > max_voxels:
-            raise ValueError(
-                f"`max_voxels` must be at least {shape[0] * shape[1] * shape[2]} for this `bbox`"
-            )
+            raise ValueError(f"`max_voxels` must be at least {shape[0] * shape[1] * shape[2]} for this `bbox`")
         off = (self.inactive_ijk, self.inactive_log2, self.inactive_values)
         corners = (self.tile_ijk, self.leaf_ijk)
         return dense_from_body(self._body, corners, off, np.array(low), shape, self.background)
@@ -937,9 +919,7 @@ class SparseGrid:
         >>> SparseGrid.from_ijk([[0, 0, 0]], values=[2.5], name="v").to_mask()
         SparseGrid('v', 1 active voxel, 0 tiles, 1 leaf, mask)
         """
-        return self._with(
-            self._body._replace(tile_values=None, leaf_values=None), self.metadata, background=0.0
-        )
+        return self._with(self._body._replace(tile_values=None, leaf_values=None), self.metadata, background=0.0)
 
     def coarsened(self, *, rule: Literal["any", "all"] = "any") -> Self:
         """Merge blocks of 2^3 voxels into one voxel of twice the edge.

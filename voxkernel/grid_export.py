@@ -415,9 +415,12 @@ def to_surface(grid: SparseGrid, *, max_faces: int = 50_000_000) -> tuple[NDArra
     >>> len(vertices), len(faces)  # ten unit squares
     (12, 20)
     """
+    on_tiles = int((np.int64(1) << (2 * (grid.tile_log2.astype(np.int64) - 3))).sum())  # 8^2 patches of one side
+    if 8 * on_tiles > max_faces:
+        raise ValueError(f"`max_faces` must be larger for tiles of {on_tiles} patches a side; got {max_faces}")
     n_faces = 2 * n_exposed_faces(grid)
     if n_faces > max_faces:
-        raise ValueError(f"`max_faces` must be at least {n_faces} for this grid; got {max_faces}")
+        raise ValueError(f"`max_faces` must be at least {n_faces}; got {max_faces}")
     quads: list[NDArray[np.int32]] = [np.zeros((0, 4, 3), dtype=np.int32)]
     is_mirrored = np.linalg.det(grid.linear) < 0
     for axis in range(3):

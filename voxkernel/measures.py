@@ -7,15 +7,28 @@ from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from voxkernel._checks import as_depth, as_nonnegative, as_positive, read_only
+from voxkernel._cube import MIN_DEPTH, root_cube
+from voxkernel._relaxed import relaxed_cells_of
+from voxkernel._weights import WeighedPlanes, halfspaces_of, relaxed_domain, weigh
 from voxkernel.certificate import Certificate
 from voxkernel.convexity import is_locally_convex
+from voxkernel.domain import Domain, surface_frame
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
 from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
+from voxkernel.violation import StarCenter, center_of_planes
+from voxkernel.visibility import VisibleFraction, visible_fraction
 
-__all__ = ["Starshapeness", "starshapeness"]
+__all__ = ["DefectProfile", "Starshapeness", "defect_profile", "starshapeness"]
+
+_GAP = 1e-4
+_TOLERANCES = (0.01, 0.03, 0.1)
+_PROFILE = np.linspace(0.0, 0.5, 26)
+_PROFILE_DEPTH = 6
 
 Verdict = Literal["star-shaped", "degenerate", "not star-shaped"]
 
@@ -56,6 +69,15 @@ class Starshapeness:
         Whether every edge is traversed equally often in both directions.
     kernel : KernelPolytope
         The kernel inside the domain.
+    violation_bounds : (float, float)
+        Certain bounds on the smallest share of the area that a point of the domain does not face; (0, 0)
+        when the kernel inside the domain is not empty. Ranks surfaces that are not star-shaped.
+    star_center : (3,) float64
+        The point that faces the most of the surface, as `best_center`; the kernel's deepest point if any.
+    visible : VisibleFraction or None
+        What is really visible from there; None unless asked for.
+    profile : DefectProfile or None
+        Volume shares of the relaxed kernels for a few tolerances; None unless asked for.
     """
 
     verdict: Verdict
@@ -74,10 +96,16 @@ class Starshapeness:
     n_degenerate: int
     is_closed: bool
     kernel: KernelPolytope
+    violation_bounds: tuple[float, float]
+    star_center: NDArray[np.float64]
+    visible: VisibleFraction | None
+    profile: DefectProfile | None
 
     def __repr__(self) -> str:
-        """Name verdict, ratio and volume."""
-        return f"Starshapeness({self.verdict!r}, ratio={self.ratio:.6g}, volume={self.volume:.6g})"
+        """Name verdict, ratio and volume, and the defect where there is one."""
+        low, high = self.violation_bounds
+        defect = f", violation_bounds=({low:.6g}, {high:.6g})" if high else ""
+        return f"Starshapeness({self.verdict!r}, ratio={self.ratio:.6g}, volume={self.volume:.6g}{defect})"
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything but the polytope as plain numbers, ready for JSON; NaN becomes None."""
@@ -100,10 +128,137 @@ class Starshapeness:
             "domain": None if self.kernel.domain is None else self.kernel.domain.kind,
             "cut_by_domain": self.kernel.cut_by_domain,
             "is_bounded": self.kernel.is_bounded,
+            "violation_bounds": list(self.violation_bounds),
+            "star_center": self.star_center.tolist(),
+            "visible": None if self.visible is None else self.visible.to_dict(),
+            "profile": None if self.profile is None else self.profile.to_dict(),
         }
 
 
-def starshapeness(surface: Any, *, facets: Any = None, domain: Any = None) -> Starshapeness:
+@dataclass(frozen=True, slots=True, repr=False)
+class DefectProfile:
+    """The share of the domain that the relaxed kernels of a surface fill: a signature of its shape.
+
+    It does not change when the surface is moved, turned or scaled, but for the width of its bounds.
+
+    Attributes
+    ----------
+    tolerances : (k,) float64
+        Shares of the surface that a point may not face.
+    volume_share_bounds : (k, 2) float64
+        Certain bounds on the volume of each relaxed kernel over the volume of the domain.
+    domain : Domain
+        Where the kernels were looked for.
+    depth : int
+        Of the grid the volumes were counted on.
+    """
+
+    tolerances: NDArray[np.float64]
+    volume_share_bounds: NDArray[np.float64]
+    domain: Domain
+    depth: int
+
+    def __repr__(self) -> str:
+        """Name range and depth."""
+        return f"DefectProfile({len(self.tolerances)} tolerances up to {self.tolerances.max():.6g}, depth={self.depth})"
+
+    @property
+    def volume_share(self) -> NDArray[np.float64]:
+        """Middle of the bounds, (k,)."""
+        return self.volume_share_bounds.mean(axis=1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything as plain numbers, ready for JSON."""
+        return {
+            "tolerances": self.tolerances.tolist(),
+            "volume_share_bounds": self.volume_share_bounds.tolist(),
+            "domain": self.domain.kind,
+            "depth": self.depth,
+        }
+
+
+def defect_profile(
+    surface: Any,
+    *,
+    tolerances: ArrayLike | None = None,
+    depth: int = _PROFILE_DEPTH,
+    domain: Any = None,
+    facets: Any = None,
+    threads: int = 1,
+) -> DefectProfile:
+    """Compute how the volume of the relaxed kernel grows with the tolerance, in one traversal.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    tolerances : (k,) array_like, optional
+        Shares of the surface by area, in [0, 1]; 0, 0.02, ... 0.5 by default.
+    depth : int
+        2**depth voxels along the bounding cube of the domain, 3 to 20; the bounds halve with each level.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        As for `best_center`: the convex hull of closed surfaces, the ball polytope about open ones. A "box"
+        does not move with the surface.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+    threads : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    DefectProfile
+        In the order of `tolerances`.
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        If the surface, the domain or a number cannot be used.
+
+    Notes
+    -----
+    The grid lies in the principal frame of the surface. The domain's volume is taken to be right to 1e-9.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> profile = voxkernel.defect_profile(tetrahedron, tolerances=[0.0, 0.5])
+    >>> low, high = profile.volume_share_bounds[0].tolist()
+    >>> low > 0.8, high
+    (True, 1.0)
+    """
+    halfspaces, mesh = halfspaces_of(surface, facets)
+    values = np.array(_PROFILE if tolerances is None else tolerances, dtype=np.float64)
+    if values.ndim != 1 or not len(values):
+        raise ValueError(f"`tolerances` must have shape (k,) with k > 0; got {values.shape}")
+    if max(as_nonnegative("tolerances", v) for v in values) > 1.0:
+        raise ValueError(f"`tolerances` must be at most 1, the whole surface; got {values.max():g}")
+    levels = as_depth("depth", depth, MIN_DEPTH, 20)
+    region = relaxed_domain(halfspaces, mesh, domain)
+    return _profile(weigh(halfspaces), mesh, region, values, levels, as_depth("threads", threads, 1, 256))
+
+
+def _profile(
+    planes: WeighedPlanes,
+    mesh: TriangleMesh | None,
+    region: Domain,
+    values: NDArray[np.float64],
+    depth: int,
+    threads: int,
+) -> DefectProfile:
+    """Count the voxels of all relaxed kernels."""
+    cube, _ = root_cube(region.vertices, np.eye(3) if mesh is None else surface_frame(mesh)[1])
+    cells = relaxed_cells_of(planes, region, cube, depth, [float(v) for v in values], threads=threads, count_only=True)
+    voxel = (cube.edge / 2**depth) ** 3 / region.volume
+    shares = np.array(
+        [(c.n_inside * voxel * (1 - 1e-9), (c.n_inside + c.n_boundary) * voxel * (1 + 1e-9)) for c in cells]
+    )
+    return DefectProfile(read_only(values), read_only(np.minimum(shares, 1.0)), region, depth)
+
+
+def starshapeness(
+    surface: Any, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
+) -> Starshapeness:
     """Classify a surface as star-shaped or not and score it by its kernel's volume.
 
     Parameters
@@ -115,6 +270,11 @@ def starshapeness(surface: Any, *, facets: Any = None, domain: Any = None) -> St
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
         Where the kernel's volume is measured; none for surfaces that bound a volume and "ball" for
         open ones by default.
+    gap : float
+        Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
+    detail : bool
+        Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
+        and 0.1, as well.
 
     Returns
     -------
@@ -162,12 +322,29 @@ def starshapeness(surface: Any, *, facets: Any = None, domain: Any = None) -> St
     if ratio > 1.0 - 1e-9:
         # Locally convex at every edge and wound once (the volumes agree) is convex.
         ratio = 1.0 if not closed or is_locally_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
+    share = as_positive("gap", gap)
+    planes = weigh(halfspaces)
+    if kernel.dimension >= 0:
+        star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
+    else:
+        star = center_of_planes(planes, mesh, region, share)
+    extra = _detail(mesh, planes, region, star.point) if detail else (None, None)
     return Starshapeness(
         "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
         ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
         reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
         _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
+        star.violation_bounds, star.point, *extra,
     )  # fmt: skip
+
+
+def _detail(
+    mesh: TriangleMesh, planes: WeighedPlanes, domain: Any, point: NDArray[np.float64]
+) -> tuple[VisibleFraction, DefectProfile]:
+    """Cast rays from the star centre and measure a few relaxed kernels."""
+    region = relaxed_domain(planes.facets, mesh, domain)
+    profile = _profile(planes, mesh, region, np.array(_TOLERANCES), _PROFILE_DEPTH, 1)
+    return visible_fraction(mesh, point), profile
 
 
 def _notes(halfspaces: HalfSpaces, kernel: KernelPolytope) -> tuple[str, ...]:

@@ -167,7 +167,9 @@ class KernelGrid:
         answer[self.inside.points_in_grid(xyz)] = 1
         return answer
 
-    def to_points(self, *, which: Literal["inside", "boundary"] = "inside", max_voxels: int = 50_000_000) -> NDArray[np.float64]:
+    def to_points(
+        self, *, which: Literal["inside", "boundary"] = "inside", max_voxels: int = 50_000_000
+    ) -> NDArray[np.float64]:
         """Give the centres of the inside or of the undecided voxels, (n, 3), world coordinates."""
         grid = self.inside if which == "inside" else self.boundary
         return grid.index_to_world(grid.to_ijk(max_voxels=max_voxels))
@@ -294,7 +296,7 @@ def voxel_kernel(
     >>> low, high = grid.volume_bounds
     >>> low < 1 / 6 < high
     True
-    >>> relaxed = voxkernel.voxel_kernel(tetrahedron, depth=4, tolerance=0.3, domain="box")
+    >>> relaxed = voxkernel.voxel_kernel(tetrahedron, depth=6, tolerance=0.4, domain="box")
     >>> relaxed.volume_bounds[0] > high
     True
     """
@@ -359,15 +361,15 @@ def _relaxed(
     dimension = find_feasibility(planes.facets.with_planes(region.normals, region.offsets)).dimension
     cube, levels = root_cube(region.vertices, axes, depth=depth, voxel_size=voxel_size)
     reason = ""
-    if rtol is None:
+    if rtol is not None:
+        levels = MIN_DEPTH
+    cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
+    while rtol is not None and (apart := max(c.n_boundary / max(1, c.n_inside + c.n_boundary) for c in cells)) > rtol:
+        if levels == _RTOL_MAX_DEPTH:
+            reason = _still_apart(apart)
+            break
+        levels += 1
         cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
-    else:
-        for levels in range(MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
-            cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
-            if all(c.n_boundary <= rtol * (c.n_inside + c.n_boundary) for c in cells):
-                break
-        else:
-            reason = f"the bounds still differ by more than asked for at depth {_RTOL_MAX_DEPTH}, the largest for `rtol`"
     return tuple(
         _wrap_relaxed(c, share, cube, levels, dimension, region, reason) for c, share in zip(cells, shares, strict=True)
     )
@@ -392,7 +394,9 @@ def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int
     if kernel.dimension < 0:
         nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
         masks = np.empty((0, 8), np.uint64), np.empty((0, 8), np.uint64)
-        return _wrap(kernel.dimension, kernel.domain, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
+        return _wrap(
+            kernel.dimension, kernel.domain, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty"
+        )
     *arrays, n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, depth), depth, False)
     bounds = n_inside * volume * (1 - 1e-14), (n_inside + n_boundary) * volume * (1 + 1e-14)
     return _wrap(kernel.dimension, kernel.domain, cube, depth, tuple(arrays), bounds, reason)
@@ -403,11 +407,11 @@ def _wrap(
     bounds: tuple[float, float], reason: str, tolerance: float = 0.0,
 ) -> KernelGrid:  # fmt: skip
     tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary = arrays
-    frame = {"origin": cube.corner, "linear": cube.axes.T * (cube.edge / 2**depth)}
-    inside = SparseGrid.from_tiles_and_leaves(tile_ijk, tile_log2, leaf_ijk, leaf_inside, name="inside", **frame)
-    boundary = SparseGrid.from_tiles_and_leaves(
-        np.empty((0, 3), np.int32), np.empty(0, np.int8), inside.leaf_ijk, leaf_boundary, name="boundary", **frame
-    )
+    linear = cube.axes.T * (cube.edge / 2**depth)
+    make = SparseGrid.from_tiles_and_leaves
+    inside = make(tile_ijk, tile_log2, leaf_ijk, leaf_inside, origin=cube.corner, linear=linear, name="inside")
+    no_tiles = np.empty((0, 3), np.int32), np.empty(0, np.int8)
+    boundary = make(*no_tiles, leaf_ijk, leaf_boundary, origin=cube.corner, linear=linear, name="boundary")
     return KernelGrid(inside, boundary, depth, bounds, dimension, domain, reason, tolerance)
 
 
@@ -419,10 +423,14 @@ def _refined(planes: HalfSpaces, kernel: KernelPolytope, axes: NDArray[np.float6
     if kernel.dimension < 3:
         reason = "" if kernel.dimension < 0 else "a kernel without volume has no relative accuracy"
         return _grid(planes, kernel, cube, DEFAULT_DEPTH, reason)
-    levels = MIN_DEPTH
+    levels, share = MIN_DEPTH, 1.0
     for levels in range(MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
         n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, levels), levels, True)[5:]
-        if n_boundary <= rtol * (n_inside + n_boundary):
+        share = n_boundary / (n_inside + n_boundary)
+        if share <= rtol:
             return _grid(planes, kernel, cube, levels)
-    share = n_boundary / (n_inside + n_boundary)
-    return _grid(planes, kernel, cube, levels, f"the bounds still differ by {share:.2g} at depth {levels}, the largest for `rtol`")
+    return _grid(planes, kernel, cube, levels, _still_apart(share))
+
+
+def _still_apart(share: float) -> str:
+    return f"the bounds still differ by {share:.2g} at depth {_RTOL_MAX_DEPTH}, the largest for `rtol`"

@@ -238,9 +238,7 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
         t = mid
         while t < last and certain <= outs[k_high - 1]:
             u = min(t + _CHUNK, last)
-            more, at_most = _weights_of(
-                x[t:u], y[t:u], z[t:u], a_reach[t:u], value[t:u], weight[t:u], sx, sy, sz, h
-            )
+            more, at_most = _weights_of(x[t:u], y[t:u], z[t:u], a_reach[t:u], value[t:u], weight[t:u], sx, sy, sz, h)
             certain += more
             possible += at_most
             t = u

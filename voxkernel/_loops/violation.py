@@ -178,3 +178,13 @@ def violated_weights(  # type: ignore[no-untyped-def]
                 open_pairs[n_open, 1] = i
                 n_open += 1
     return open_pairs[:n_open].copy()
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def faces_away(vertices, faces, point):  # type: ignore[no-untyped-def]
+    """Tell for every triangle whether the point is strictly on its outer side; every sign exact."""
+    away = np.empty(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        away[f] = orientation(a, b, c, point) > 0.0
+    return away
