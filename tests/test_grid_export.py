@@ -8,7 +8,7 @@ from grids import BOX, FULL, LOW, dense_mask, dense_values, random_frame, random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from voxkernel._vdb_format import GridReadError
+from voxkernel.errors import GridReadError
 from voxkernel.grid import SparseGrid
 from voxkernel.grid_export import (
     read_npz,
@@ -172,7 +172,7 @@ def test_large_grids_are_refused_before_they_are_expanded():
         to_pyvista_cells(big, max_cells=10)
     with pytest.raises(ValueError, match="`max_faces` must be larger for tiles of 17179869184 patches"):
         to_surface(big)
-    with pytest.raises(ValueError, match="`max_faces` must be at least 12; got 11"):
+    with pytest.raises(ValueError, match="`max_faces` must be larger for this grid; got 11"):
         to_surface(SparseGrid.from_ijk([[0, 0, 0]]), max_faces=11)
 
 

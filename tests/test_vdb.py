@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from voxkernel import _vdb_format, _vdb_values
-from voxkernel._vdb_format import GridReadError
-from voxkernel.errors import VoxKernelError
+from voxkernel.errors import GridReadError, VoxKernelError
 from voxkernel.grid import SparseGrid
 from voxkernel.vdb import read_vdb, write_vdb
 
@@ -31,9 +30,9 @@ def make_grid(seed, *, has_values):
     return dataclasses.replace(grid, **random_frame(seed))
 
 
-def written(tmp_path, grids, *arguments, **options):
+def written(tmp_path, grids, metadata=None, **options):
     path = tmp_path / "grid.vdb"
-    write_vdb(path, grids, *arguments, **options)
+    write_vdb(path, grids, metadata=metadata, **options)
     return path
 
 
@@ -79,9 +78,7 @@ def test_half_precision_rounds_to_half(tmp_path, rng):
     file = read_vdb(written(tmp_path, grid, value_type="half"))
     assert file.value_types == ("half",)
     assert file[0].background == np.float32(np.float16(0.1))
-    np.testing.assert_array_equal(
-        file[0].values_at(ijk), values[: len(ijk)].astype(np.float16).astype(np.float32)
-    )
+    np.testing.assert_array_equal(file[0].values_at(ijk), values[: len(ijk)].astype(np.float16).astype(np.float32))
 
 
 def test_every_mode_of_inactive_values_survives(tmp_path, rng):
@@ -144,9 +141,7 @@ def test_the_ends_of_the_range_survive(tmp_path):
 
 
 def test_empty_grids_and_no_grids(tmp_path):
-    file = read_vdb(
-        written(tmp_path, {"a": SparseGrid.from_ijk([]), "b": SparseGrid.from_dense(np.zeros((2, 2, 2)))})
-    )
+    file = read_vdb(written(tmp_path, {"a": SparseGrid.from_ijk([]), "b": SparseGrid.from_dense(np.zeros((2, 2, 2)))}))
     assert file.names == ("a", "b")
     assert file["a"] == SparseGrid.from_ijk([])
     assert file["b"].active_voxel_count == 0
@@ -192,7 +187,7 @@ def test_metadata_keeps_its_types(tmp_path):
 )
 def test_metadata_without_a_type_is_refused(tmp_path, entries, error, match):
     with pytest.raises(error, match=match):
-        write_vdb(tmp_path / "a.vdb", SparseGrid.from_ijk([[0, 0, 0]]), entries)
+        write_vdb(tmp_path / "a.vdb", SparseGrid.from_ijk([[0, 0, 0]]), metadata=entries)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -441,9 +436,7 @@ def test_deep_metadata_ends_with_the_file(tmp_path):
 def test_a_missing_blosc_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, SparseGrid.from_dense(np.arange(512.0).reshape(8, 8, 8)), compression="blosc")
     monkeypatch.setitem(sys.modules, "blosc", None)
-    with pytest.raises(
-        GridReadError, match=r"needs the package `blosc`; install it with `pip install blosc`"
-    ):
+    with pytest.raises(GridReadError, match=r"needs the package `blosc`; install it with `pip install blosc`"):
         read_vdb(path)
 
 
@@ -471,13 +464,9 @@ def test_wrong_arguments_are_named(tmp_path):
         write_vdb(path, 3)
     with pytest.raises(TypeError, match="`grids` must hold SparseGrid only; got str"):
         write_vdb(path, ["a"])
-    with pytest.raises(
-        ValueError, match="`value_type` must be one of 'bool', 'mask', 'float', 'half'; got 'double'"
-    ):
+    with pytest.raises(ValueError, match="`value_type` must be one of 'bool', 'mask', 'float', 'half'; got 'double'"):
         write_vdb(path, grid, value_type="double")
-    with pytest.raises(
-        ValueError, match="`value_type` must be 'float' or 'half' for a grid with values; got 'bool'"
-    ):
+    with pytest.raises(ValueError, match="`value_type` must be 'float' or 'half' for a grid with values; got 'bool'"):
         write_vdb(path, grid, value_type="bool")
     with pytest.raises(ValueError, match="`compression` must be one of"):
         write_vdb(path, grid, compression="lz4")

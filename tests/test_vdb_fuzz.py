@@ -16,7 +16,8 @@ from grids import random_frame, random_grid, with_inactive_tiles
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from voxkernel._vdb_format import GridReadError, Source
+from voxkernel._vdb_format import Source
+from voxkernel.errors import GridReadError
 from voxkernel.grid import SparseGrid
 from voxkernel.grid_export import read_npz, write_npz
 from voxkernel.vdb import _read, write_vdb
@@ -52,7 +53,7 @@ def samples(tmp_path_factory):
         ([mask, field, root_tiles], {}),
         ([], {}),
     ):
-        write_vdb(path, grids, {"author": "fuzz"}, **options)
+        write_vdb(path, grids, metadata={"author": "fuzz"}, **options)
         found.append(path.read_bytes())
     return found
 

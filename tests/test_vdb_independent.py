@@ -1,14 +1,15 @@
 """Our .vdb files read by real OpenVDB, and its files read by us, voxel by voxel.
 
-`adobe-lagrange` (OpenVDB 13) comes from PyPI. Debian's python3-openvdb (OpenVDB 10) runs under the system's
-Python, as a separate process, since it needs the system's NumPy: `apt-get install python3-openvdb
-libopenvdb-tools`.
+`adobe-lagrange` (OpenVDB 13) comes from PyPI. Debian's python3-openvdb (OpenVDB 10) runs under the system's Python,
+since it needs the system's NumPy: `apt-get install python3-openvdb libopenvdb-tools`. Both run as separate processes.
 """
 
 import dataclasses
+import importlib.util
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from voxkernel.grid import SparseGrid
 from voxkernel.vdb import read_vdb, write_vdb
 
 PEER = Path(__file__).with_name("openvdb_peer.py")
+LAGRANGE_PEER = Path(__file__).with_name("lagrange_peer.py")
 BOX = [[-40] * 3, [39] * 3]
 
 
@@ -102,9 +104,7 @@ def ours(tmp_path_factory, peer):
         grid = random_grid(seed, has_values=has_values, n_cells=30, background=-1.5 if seed % 4 == 3 else 0.0)
         if has_values:
             grid = with_inactive_tiles(grid, seed)
-        grid = dataclasses.replace(
-            grid, **random_frame(seed), name=f"grid {seed}", metadata={"alpha": 0.1 * seed}
-        )
+        grid = dataclasses.replace(grid, **random_frame(seed), name=f"grid {seed}", metadata={"alpha": 0.1 * seed})
         compression = ("none", "zip", "blosc")[seed % 3]
         cases.append(([grid], {"compression": compression}))
     tiles = SparseGrid.from_tiles_and_leaves(
@@ -126,7 +126,7 @@ def ours(tmp_path_factory, peer):
     paths = []
     for n, (grids, options) in enumerate(cases):
         paths.append(folder / f"{n}.vdb")
-        write_vdb(paths[-1], grids, metadata, **options)
+        write_vdb(paths[-1], grids, metadata=metadata, **options)
     peer("dump", folder / "out.npz", *paths)
     return cases, Dump(folder / "out.npz"), metadata
 
@@ -208,9 +208,7 @@ def compare(paths, out):
                 listed = list(value) if isinstance(value, tuple) else value
                 assert fact["metadata"][key] == listed
             n_grids += 1
-        plain = {
-            key: list(value) if isinstance(value, tuple) else value for key, value in file.metadata.items()
-        }
+        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in file.metadata.items()}
         assert plain == dump.facts[n]["metadata"]
     return n_grids
 
@@ -226,10 +224,7 @@ def test_the_files_of_openvdb_are_of_the_kinds_wanted(theirs):
     level_set = read_vdb(theirs / "level_set.vdb")[0]
     assert level_set.grid_class == "level set"
     assert len(level_set.inactive_ijk) > 0  # inside
-    assert (
-        level_set.values_at(np.round(level_set.world_to_index([[1, -2, 0.5]])).astype(int))
-        == -level_set.background
-    )
+    assert level_set.values_at(np.round(level_set.world_to_index([[1, -2, 0.5]])).astype(int)) == -level_set.background
     several = read_vdb(theirs / "several.vdb")
     assert several.value_types == ("half", "float", "bool", "float")
     tiles = read_vdb(theirs / "bool_tiles.vdb")[0]
@@ -275,7 +270,7 @@ def test_what_we_read_and_write_again_is_unchanged_for_openvdb(theirs, peer, tmp
         if path.stem not in ("vectors", "bool_odd"):
             paths.append(tmp_path / path.name)
             file = read_vdb(path)
-            write_vdb(paths[-1], file, file.metadata)
+            write_vdb(paths[-1], file, metadata=file.metadata)
     peer("dump", tmp_path / "out.npz", *paths)
     originals = [read_vdb(theirs / path.name) for path in paths]
     dump = Dump(tmp_path / "out.npz")
@@ -292,9 +287,7 @@ def test_vdb_print_describes_our_file(tmp_path):
         [[0, 0, 0]], [7], [[-8, 0, 0]], np.array([[1] * 8], np.uint64), voxel_size=0.5, name="kernel"
     )
     write_vdb(tmp_path / "a.vdb", dataclasses.replace(grid, metadata={"alpha": 0.03}))
-    shown = subprocess.run(
-        [printer, "-l", str(tmp_path / "a.vdb")], capture_output=True, text=True, check=True
-    )
+    shown = subprocess.run([printer, "-l", str(tmp_path / "a.vdb")], capture_output=True, text=True, check=True)
     for line in (
         "Name: kernel",
         "Type: Tree_bool_5_4_3",
@@ -311,61 +304,67 @@ def test_vdb_print_describes_our_file(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def volume():
-    return pytest.importorskip("lagrange.volume", reason="adobe-lagrange is not installed")
+def lagrange():
+    if importlib.util.find_spec("lagrange") is None:
+        pytest.skip("adobe-lagrange is not installed; pip install adobe-lagrange")
+
+    def run(*arguments):
+        subprocess.run([sys.executable, str(LAGRANGE_PEER), *map(str, arguments)], check=True)
+
+    return run
 
 
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("value_type", ["bool", "mask", "float", "half"])
-def test_lagrange_reads_what_we_write(volume, tmp_path, seed, value_type):
-    has_values = value_type in ("float", "half")
-    grid = random_grid(seed, has_values=has_values, n_cells=30, background=0.5 if has_values else 0.0)
-    grid = dataclasses.replace(grid, **random_frame(seed), name="kernel")
-    write_vdb(tmp_path / "a.vdb", grid, value_type=value_type, compression=("none", "zip", "blosc")[seed % 3])
-    theirs = volume.Grid.load(tmp_path / "a.vdb")
-    assert theirs.num_active_voxels == grid.active_voxel_count
-    assert theirs.name == "kernel"
-    np.testing.assert_array_equal(theirs.bbox_index, grid.active_bbox)
-    np.testing.assert_allclose(theirs.transform, grid.transform, rtol=1e-14, atol=1e-14)
-    if has_values:
-        assert theirs.background == 0.5
-        cells = (np.indices((80, 80, 80)).reshape(3, -1).T - 40).astype(np.int32)
-        values = theirs.sample_trilinear_index_space(cells)
-        np.testing.assert_array_equal(values, grid.values_at(cells))
+def test_lagrange_reads_what_we_write(lagrange, tmp_path):
+    cases = []
+    for seed in range(6):
+        for value_type in ("bool", "mask", "float", "half"):
+            has_values = value_type in ("float", "half")
+            grid = random_grid(seed, has_values=has_values, n_cells=30, background=0.5 if has_values else 0.0)
+            grid = dataclasses.replace(grid, **random_frame(seed), name=f"kernel {seed}")
+            path = tmp_path / f"{seed}_{value_type}.vdb"
+            write_vdb(path, grid, value_type=value_type, compression=("none", "zip", "blosc")[seed % 3])
+            cases.append((path, grid))
+    lagrange("dump", tmp_path / "out.npz", *(path for path, _ in cases))
+    found = np.load(tmp_path / "out.npz")
+    cells = np.indices((80, 80, 80)).reshape(3, -1).T - 40
+    for n, (fact, (_, grid)) in enumerate(zip(json.loads(str(found["facts"])), cases, strict=True)):
+        assert fact["count"] == grid.active_voxel_count
+        assert fact["name"] == grid.name
+        np.testing.assert_array_equal(fact["bbox"], grid.active_bbox)
+        np.testing.assert_allclose(fact["transform"], grid.transform, rtol=1e-14, atol=1e-14)
+        if not grid.is_mask:
+            assert fact["background"] == grid.background
+            np.testing.assert_array_equal(found[str(n)], grid.values_at(cells))
+
+
+@pytest.fixture(scope="module")
+def of_lagrange(tmp_path_factory, lagrange):
+    folder = tmp_path_factory.mktemp("lagrange")
+    lagrange("make", folder)
+    return folder, np.load(folder / "made.npz")
 
 
 @pytest.mark.parametrize("compression", ["Uncompressed", "Zip", "Blosc"])
-def test_we_read_what_lagrange_writes(volume, tmp_path, rng, compression):
-    cells = np.unique(rng.integers(-5000, 5000, (300, 3)), axis=0).astype(np.int32)
-    block = (np.indices((9, 9, 9)).reshape(3, -1).T - 4).astype(np.int32)
-    cells = np.concatenate([cells, block])
-    values = rng.normal(size=len(cells)).astype(np.float32)
-    theirs = volume.Grid.from_points(cells, values)
-    theirs.name = "points"
-    theirs.save(tmp_path / "a.vdb", getattr(volume.Compression, compression))
-    file = read_vdb(tmp_path / "a.vdb")
-    assert file.library_version >= (10, 0)
-    expected = SparseGrid.from_ijk(cells, values=values)
-    found = dataclasses.replace(file[0], origin=np.zeros(3))  # index 0 is a centre at world 0
-    assert found == expected
-    np.testing.assert_allclose(file[0].transform, theirs.transform)
+def test_we_read_points_of_lagrange(of_lagrange, compression):
+    folder, made = of_lagrange
+    file = read_vdb(folder / f"points_{compression}.vdb")
+    assert file.version >= 224
     assert file.names == ("points",)
+    expected = SparseGrid.from_ijk(made["cells"], values=made["values"])
+    assert dataclasses.replace(file[0], origin=np.zeros(3)) == expected  # theirs: index 0 is a centre at world 0
+    np.testing.assert_allclose(file[0].transform, json.loads(str(made["facts"]))["points"]["transform"])
 
 
 @pytest.mark.parametrize("compression", ["Uncompressed", "Zip", "Blosc"])
-def test_we_read_level_sets_of_lagrange(volume, tmp_path, compression):
-    lagrange = pytest.importorskip("lagrange")
-    mesh = lagrange.SurfaceMesh()
-    mesh.add_vertices(np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float))
-    for face in ([0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]):
-        mesh.add_triangle(*face)
-    theirs = volume.Grid.from_mesh(mesh, voxel_size=0.37)
-    theirs.save(tmp_path / "a.vdb", getattr(volume.Compression, compression))
-    grid = read_vdb(tmp_path / "a.vdb")[0]
+def test_we_read_level_sets_of_lagrange(of_lagrange, compression):
+    folder, made = of_lagrange
+    fact = json.loads(str(made["facts"]))["level_set"]
+    grid = read_vdb(folder / f"level_set_{compression}.vdb")[0]
     assert grid.grid_class == "level set"
-    assert grid.active_voxel_count == theirs.num_active_voxels
-    np.testing.assert_array_equal(grid.active_bbox, theirs.bbox_index)
-    assert grid.background == np.float32(theirs.background)
-    cells = (np.indices((50, 50, 50)).reshape(3, -1).T - 10).astype(np.int32)
-    np.testing.assert_array_equal(grid.values_at(cells), theirs.sample_trilinear_index_space(cells))
-    assert (grid.values_at(cells) == -grid.background).any()
+    assert grid.active_voxel_count == fact["count"]
+    np.testing.assert_array_equal(grid.active_bbox, fact["bbox"])
+    np.testing.assert_allclose(grid.transform, fact["transform"], rtol=1e-14)
+    assert grid.background == fact["background"]
+    values = grid.values_at(np.indices((80, 80, 80)).reshape(3, -1).T - 40)
+    np.testing.assert_array_equal(values, made["level_set"])
+    assert (values == -grid.background).any()

@@ -17,9 +17,7 @@ Leaves = tuple[NDArray[np.int64], NDArray[np.uint64], NDArray[np.float32] | None
 _LEAF_CHUNK = 1 << 14  # leaves unpacked at a time: 8 MB of voxels
 
 
-def leaves_from_voxels(
-    voxels: NDArray[np.int32], values: NDArray[np.float32] | None, background: float
-) -> Leaves:
+def leaves_from_voxels(voxels: NDArray[np.int32], values: NDArray[np.float32] | None, background: float) -> Leaves:
     """Group voxels into leaves with one sort of packed integers instead of a sort of rows."""
     if not len(voxels):
         empty = None if values is None else np.zeros((0, 512), np.float32)
@@ -30,32 +28,32 @@ def leaves_from_voxels(
     place = voxels & 7
     bit = (place[:, 0] << 6) | (place[:, 1] << 3) | place[:, 2]
     if float(extent[0]) * float(extent[1]) * float(extent[2]) < 2.0**54:
-        group = ((leaf[:, 0] - low[0]) * extent[1] + (leaf[:, 1] - low[1])) * extent[2] + (
-            leaf[:, 2] - low[2]
-        )
+        group = ((leaf[:, 0] - low[0]) * extent[1] + (leaf[:, 1] - low[1])) * extent[2] + (leaf[:, 2] - low[2])
     else:
         group = np.unique(encode(leaf), return_inverse=True)[1].astype(np.int64)
     key = (group << 9) | bit
     if values is None:
-        key = np.sort(key)
+        key.sort()
     else:
         order = np.argsort(key, kind="stable")
         key, values = key[order], values[order]
         is_kept = np.append(key[1:] != key[:-1], True)
         key, values = key[is_kept], values[is_kept]
-    group = key >> 9
-    is_new = np.append(True, group[1:] != group[:-1])
-    row = np.cumsum(is_new) - 1
-    n_leaves = int(row[-1]) + 1
     word_starts = np.flatnonzero(np.append(True, (key[1:] >> 6) != (key[:-1] >> 6)))
-    words = np.bitwise_or.reduceat(np.uint64(1) << (key & 63).astype(np.uint64), word_starts)
+    word = key[word_starts] >> 6
+    leaf_of_word = word >> 3
+    is_new = np.append(True, leaf_of_word[1:] != leaf_of_word[:-1])
+    row_of_word = np.cumsum(is_new) - 1
+    n_leaves = int(row_of_word[-1]) + 1
     masks = np.zeros((n_leaves, 8), dtype=np.uint64)
-    masks[row[word_starts], (key[word_starts] >> 6) & 7] = words
+    bits = np.uint64(1) << (key & 63).view(np.uint64)
+    masks[row_of_word, word & 7] = np.bitwise_or.reduceat(bits, word_starts)
     leaf_values = None
     if values is not None:
+        row = np.repeat(row_of_word, np.diff(np.append(word_starts, len(key))))
         leaf_values = np.full((n_leaves, 512), background, dtype=np.float32)
         leaf_values[row, key & 511] = values
-    code = _codes_of_groups(group[is_new], leaf, low, extent)
+    code = _codes_of_groups(leaf_of_word[is_new], leaf, low, extent)
     order = np.argsort(code, kind="stable")
     return code[order], masks[order], None if leaf_values is None else leaf_values[order]
 
@@ -82,9 +80,7 @@ def blocks_from_dense(dense: NDArray[Any], lower: NDArray[np.int32], background:
     codes, masks, values = [], [], []
     for slab in range(int(first[0]), int(end[0])):
         start, stop = max(slab * 8, int(low[0])), min(slab * 8 + 8, int(low[0]) + dense.shape[0])
-        box = np.full(
-            (8, n_y * 8, n_z * 8), False if is_mask else background, dtype=bool if is_mask else np.float32
-        )
+        box = np.full((8, n_y * 8, n_z * 8), False if is_mask else background, dtype=bool if is_mask else np.float32)
         part = dense[start - int(low[0]) : stop - int(low[0])]
         with np.errstate(over="ignore"):
             box[
@@ -169,9 +165,7 @@ def dense_from_body(
         content = unpack(body.leaf_mask[chunk]) if blocks is None else blocks[chunk].reshape(-1, 8, 8, 8)
         dense[x, :, y, :, z, :] = content
     skip = low - (first << 3)
-    return np.ascontiguousarray(
-        flat[tuple(slice(int(s), int(s) + n) for s, n in zip(skip, shape, strict=True))]
-    )
+    return np.ascontiguousarray(flat[tuple(slice(int(s), int(s) + n) for s, n in zip(skip, shape, strict=True))])
 
 
 def _fill_tiles(

@@ -80,9 +80,7 @@ def tiles_of(prefix: str, ijk: object, log2: object) -> tuple[NDArray[np.int32],
     off_grid = (corners & ((np.int32(1) << sizes.astype(np.int32)) - 1)[:, None]).any(axis=1)
     if off_grid.any():
         row = int(off_grid.argmax())
-        raise ValueError(
-            f"`{prefix}_ijk` must be a multiple of {1 << int(sizes[row])}; got {corners[row].tolist()}"
-        )
+        raise ValueError(f"`{prefix}_ijk` must be a multiple of {1 << int(sizes[row])}; got {corners[row].tolist()}")
     return corners, sizes
 
 
@@ -92,9 +90,7 @@ def in_order(body: Body) -> tuple[Body, NDArray[np.intp] | None, NDArray[np.intp
     if (np.diff(body.tile_code) < 0).any():
         tiles = np.argsort(body.tile_code, kind="stable")
         tile_values = None if body.tile_values is None else body.tile_values[tiles]
-        body = body._replace(
-            tile_code=body.tile_code[tiles], tile_log2=body.tile_log2[tiles], tile_values=tile_values
-        )
+        body = body._replace(tile_code=body.tile_code[tiles], tile_log2=body.tile_log2[tiles], tile_values=tile_values)
     if (np.diff(body.leaf_code) < 0).any():
         leaves = np.argsort(body.leaf_code, kind="stable")
         leaf_values = None if body.leaf_values is None else body.leaf_values[leaves]

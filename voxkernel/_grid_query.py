@@ -1,14 +1,21 @@
-"""Which cell covers a voxel: binary search along the Morton curve, or a table where the grid is compact."""
+"""Which cell covers a voxel: binary search along the Morton curve, or a table where the grid is compact.
+
+Long lists go to the compiled loops of `_loops/grid_query.py`, with the same answers.
+"""
 
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._cells import Cells
 from voxkernel._leaf_bits import FULL
 from voxkernel._morton import REACH, count_up, decode, encode
 
-__all__ = ["ActiveTable", "find_rows"]
+__all__ = ["MAX_TABLE", "MIN_COMPILED", "ActiveTable", "cells_of_points", "find_rows", "points_in", "voxels_in"]
+
+MIN_COMPILED = 100_000
+"""Fewer voxels than this are answered by NumPy: loading Numba takes longer."""
 
 MAX_TABLE = 1 << 22
 """Most entries (4 bytes each) a table may have."""
@@ -88,6 +95,50 @@ class ActiveTable(NamedTuple):
         active = (self.words.take(word) >> bit.view(np.uint64)) & np.uint64(1)
         active[outside] = 0
         return active.astype(np.bool_)
+
+
+def cells_of_points(
+    points: NDArray[np.float64], origin: NDArray[np.float64], to_cells: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Voxels of world points: the same roundings in the same order as in the compiled loop.
+
+    What lies out of reach becomes a voxel just beyond it.
+    """
+    away = points - origin
+    cells = np.empty(points.shape)
+    for axis in range(3):
+        row = to_cells[axis]
+        cells[:, axis] = away[:, 0] * row[0] + away[:, 1] * row[1] + away[:, 2] * row[2]
+    np.floor(cells, out=cells)
+    return np.fmin(np.fmax(cells, -REACH - 1), REACH).astype(np.int64)
+
+
+def voxels_in(
+    voxels: NDArray[np.integer[Any]], table: ActiveTable | None, cells: Cells, masks: NDArray[np.uint64]
+) -> NDArray[np.bool_]:
+    """Which voxels (n, 3) are active, by the compiled loops."""
+    from voxkernel._loops.grid_query import voxels_in_runs, voxels_in_table
+
+    if voxels.dtype not in (np.dtype(np.int32), np.dtype(np.int64)):
+        voxels = voxels.astype(np.int64)
+    voxels = np.ascontiguousarray(voxels)
+    active = np.empty(len(voxels), dtype=np.bool_)
+    if table is None:
+        voxels_in_runs(voxels, REACH, *cells, masks, active)
+    else:
+        voxels_in_table(voxels, *table, active)
+    return active
+
+
+def points_in(
+    points: NDArray[np.float64], origin: NDArray[np.float64], to_cells: NDArray[np.float64], table: ActiveTable
+) -> NDArray[np.bool_]:
+    """Which world points (n, 3) lie in active voxels, by the compiled loop."""
+    from voxkernel._loops.grid_query import points_in_table
+
+    active = np.empty(len(points), dtype=np.bool_)
+    points_in_table(points, origin, to_cells, *table, active)
+    return active
 
 
 def _bounds(code: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

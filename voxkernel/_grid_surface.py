@@ -10,7 +10,7 @@ from voxkernel._leaf_bits import FULL, unpack
 from voxkernel._morton import count_up, encode, last_of
 from voxkernel.grid import SparseGrid
 
-__all__ = ["exposed_faces", "n_exposed_faces"]
+__all__ = ["exposed_faces"]
 
 _CHUNK = 1 << 13  # blocks unpacked at a time
 
@@ -37,18 +37,6 @@ def exposed_faces(grid: SparseGrid, axis: int, step: int) -> NDArray[np.int32]:
         owner, x, y, z = np.nonzero(_exposed(part, axis, step))
         parts.append((part.corner[owner] + np.stack([x, y, z], axis=1)).astype(np.int32))
     return np.concatenate(parts)
-
-
-def n_exposed_faces(grid: SparseGrid) -> int:
-    """Number of faces on all six sides."""
-    total = 0
-    for axis in range(3):
-        for step in (1, -1):
-            blocks = _blocks(grid, axis, step)
-            for start in range(0, len(blocks.corner), _CHUNK):
-                part = blocks.part(start)
-                total += int(np.count_nonzero(_exposed(part, axis, step)))
-    return total
 
 
 def _exposed(blocks: _Blocks, axis: int, step: int) -> NDArray[np.bool_]:

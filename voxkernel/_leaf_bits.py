@@ -52,9 +52,7 @@ def bit_bounds(masks: NDArray[np.uint64]) -> tuple[NDArray[np.int64], NDArray[np
     return low, high
 
 
-def halve(
-    masks: NDArray[np.uint64], octant: NDArray[np.int64], rule: Literal["any", "all"]
-) -> NDArray[np.uint64]:
+def halve(masks: NDArray[np.uint64], octant: NDArray[np.int64], rule: Literal["any", "all"]) -> NDArray[np.uint64]:
     """Masks (n, 8) at half the resolution, each in its octant (x*4 + y*2 + z) of the parent's leaf."""
     join = np.bitwise_or if rule == "any" else np.bitwise_and
     words = join(masks[:, 0::2], masks[:, 1::2])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.errors import VoxKernelError
+from voxkernel.errors import GridReadError, VoxKernelError
 
 __all__ = [
     "BLOSC",
@@ -20,7 +20,6 @@ __all__ = [
     "VERSION",
     "VERSIONS",
     "ZIP",
-    "GridReadError",
     "Source",
     "UnsupportedGridError",
     "pack_map",
@@ -36,14 +35,8 @@ VERSIONS = range(222, 226)  # 225 (OpenVDB 13) added half grids and changed noth
 ZIP, MASKED, BLOSC = 1, 2, 4  # compression flags of a grid
 
 _SCALARS = {"bool": "?", "int32": "i", "int64": "q", "float": "f", "double": "d"}
-_VECTORS = {
-    f"vec{n}{code}": f"{n}{kind}" for n in (2, 3, 4) for code, kind in (("i", "i"), ("s", "f"), ("d", "d"))
-}
+_VECTORS = {f"vec{n}{code}": f"{n}{kind}" for n in (2, 3, 4) for code, kind in (("i", "i"), ("s", "f"), ("d", "d"))}
 _FORMATS = _SCALARS | _VECTORS | {"mat4s": "16f", "mat4d": "16d"}
-
-
-class GridReadError(VoxKernelError, OSError):
-    """A .vdb or .npz file that is missing, damaged, or not such a file."""
 
 
 class UnsupportedGridError(VoxKernelError):
@@ -107,9 +100,7 @@ def read_metadata(source: Source) -> dict[str, Any]:
         elif kind in _FORMATS:
             fmt = "<" + _FORMATS[kind]
             if struct.calcsize(fmt) != len(raw):
-                raise GridReadError(
-                    f"metadata {key!r} must be {struct.calcsize(fmt)} bytes of {kind}; got {len(raw)}"
-                )
+                raise GridReadError(f"metadata {key!r} must be {struct.calcsize(fmt)} bytes of {kind}; got {len(raw)}")
             numbers = struct.unpack(fmt, raw)
             entries[key] = numbers[0] if kind in _SCALARS else numbers
     return entries
@@ -155,8 +146,7 @@ def _pack_entry(key: object, value: object) -> tuple[str, bytes]:
             kind = f"vec{len(numbers)}d" if numbers.size < 16 else "mat4d"
             return kind, numbers.astype("<f8").tobytes()
     raise TypeError(
-        f"`metadata` must hold bool, int, float, str, or 2 to 4 or 16 numbers; got {key!r}: "
-        f"{type(value).__name__}"
+        f"`metadata` must hold bool, int, float, str, or 2 to 4 or 16 numbers; got {key!r}: {type(value).__name__}"
     )
 
 

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from voxkernel._leaf_bits import unpack
 from voxkernel._morton import REACH
-from voxkernel._vdb_format import GridReadError, Source
+from voxkernel._vdb_format import Source
 from voxkernel._vdb_values import Codec, read_leaf_values, read_values, unpack_bits
+from voxkernel.errors import GridReadError
 
 __all__ = ["Tree", "read_tree"]
 
@@ -73,9 +74,7 @@ def read_tree(source: Source, kind: str, flags: int, block_at: int) -> Tree:
             source.take(64 * len(leaves), "leaf masks")  # the buffers repeat them
             leaf_ijk.append(leaves)
     if block_at and source.at != block_at:
-        raise GridReadError(
-            f"the buffers of a grid must begin at byte {block_at}; the topology ends at {source.at}"
-        )
+        raise GridReadError(f"the buffers of a grid must begin at byte {block_at}; the topology ends at {source.at}")
     corners = np.concatenate(leaf_ijk)
     leaf_mask, leaf_values = _read_leaves(source, kind, len(corners), codec)
     return Tree(
@@ -99,9 +98,7 @@ def _checked_corners(corners: NDArray[np.int64]) -> NDArray[np.int64]:
     return corners
 
 
-def _read_root_tiles(
-    source: Source, n_tiles: int, value_dtype: np.dtype[Any], codec: Codec, tiles: _Tiles
-) -> None:
+def _read_root_tiles(source: Source, n_tiles: int, value_dtype: np.dtype[Any], codec: Codec, tiles: _Tiles) -> None:
     """Tiles of 4096^3 voxels."""
     if not n_tiles:
         return
@@ -114,9 +111,7 @@ def _read_root_tiles(
     tiles.add(corners, 12, values[kept].astype(codec.dtype), is_on[kept])
 
 
-def _read_node(
-    source: Source, log2: int, corner: NDArray[np.int64], codec: Codec, tiles: _Tiles
-) -> NDArray[np.int64]:
+def _read_node(source: Source, log2: int, corner: NDArray[np.int64], codec: Codec, tiles: _Tiles) -> NDArray[np.int64]:
     """Keep a node's tiles; return the corners of its children, which follow it in the file."""
     count, below = 1 << (3 * log2), _NODES[log2]
     has_child = unpack_bits(source.take(count // 8, "a node's child mask"))

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._vdb_format import BLOSC, MASKED, ZIP, GridReadError, Source
+from voxkernel._vdb_format import BLOSC, MASKED, ZIP, Source
+from voxkernel.errors import GridReadError
 
 __all__ = [
     "Codec",
@@ -118,8 +119,7 @@ def _unblosc(packed: memoryview, n_bytes: int) -> bytes:
     plain_size, _, packed_size = struct.unpack_from("<III", packed, 4)
     if plain_size != n_bytes or packed_size != len(packed):
         raise GridReadError(
-            f"Blosc-compressed values must be {len(packed)} bytes for {n_bytes}; got {packed_size} "
-            f"for {plain_size}"
+            f"Blosc-compressed values must be {len(packed)} bytes for {n_bytes}; got {packed_size} for {plain_size}"
         )
     try:
         plain = blosc.decompress(bytes(packed))
@@ -143,9 +143,7 @@ def _write_chunk(raw: bytes, flags: int) -> bytes:
     return struct.pack("<q", -len(raw)) + raw
 
 
-def _read_inactive(
-    source: Source, count: int, codec: Codec
-) -> tuple[int, Any, Any, NDArray[np.bool_] | None]:
+def _read_inactive(source: Source, count: int, codec: Codec) -> tuple[int, Any, Any, NDArray[np.bool_] | None]:
     """Mode of a node and its inactive values: (mode, value where not selected, where selected, selection)."""
     mode = source.number("B", "the mode of a node")
     if mode > _EVERY_VALUE:
@@ -165,9 +163,7 @@ def read_values(source: Source, is_on: NDArray[np.bool_], codec: Codec) -> NDArr
     is_whole = mode == _EVERY_VALUE or not codec.flags & MASKED
     n_stored = count if is_whole else int(is_on.sum())
     raw = codec.read_stored(source, n_stored)
-    stored = (
-        np.frombuffer(raw, np.uint8) != 0 if codec.dtype.kind == "b" else np.frombuffer(raw, codec.stored)
-    )
+    stored = np.frombuffer(raw, np.uint8) != 0 if codec.dtype.kind == "b" else np.frombuffer(raw, codec.stored)
     if is_whole:
         return stored.astype(codec.dtype)
     values = np.full(count, plain, dtype=codec.dtype)
@@ -177,41 +173,82 @@ def read_values(source: Source, is_on: NDArray[np.bool_], codec: Codec) -> NDArr
     return values
 
 
-def read_leaf_values(
-    source: Source, n_leaves: int, codec: Codec
-) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
+def read_leaf_values(source: Source, n_leaves: int, codec: Codec) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
     """Masks and values of float leaves; sizes differ from leaf to leaf, hence a Python loop."""
     source.need(n_leaves * 65, f"{n_leaves} leaves")
     masks = np.empty((n_leaves, 8), dtype=np.uint64)
     values = np.empty((n_leaves, 512), dtype=np.float32)
     chunks: list[memoryview | bytes] = []
     partial: list[int] = []
-    for row in range(n_leaves):
+    is_brief = codec.flags & MASKED and not codec.chunk_flags
+    row = scan_at = 0
+    while row < n_leaves:
+        if is_brief and row >= scan_at:
+            begin, row = row, _read_brief_leaves(source, row, masks, values, codec)
+            scan_at = row + (1 if row - begin > 16 else 64)  # a scan that finds few is not worth its arrays
+            if row == n_leaves:
+                break
         raw_mask = source.take(64, "a leaf's mask")
         masks[row] = np.frombuffer(raw_mask, "<u8")
         mode, plain, selected, selection = _read_inactive(source, 512, codec)
         if mode == _EVERY_VALUE or not codec.flags & MASKED:
             raw = codec.read_stored(source, 512)
             values[row] = np.frombuffer(raw, codec.stored)
-            continue
-        count = int.from_bytes(raw_mask, "little").bit_count()
-        chunks.append(codec.read_stored(source, count))
-        partial.append(row)
-        values[row] = plain if selection is None else np.where(selection, selected, plain)
+        else:
+            count = int.from_bytes(raw_mask, "little").bit_count()
+            chunks.append(codec.read_stored(source, count))
+            partial.append(row)
+            values[row] = plain if selection is None else np.where(selection, selected, plain)
+        row += 1
     if partial:
-        rows = np.array(partial)
-        is_on = np.unpackbits(masks[rows].astype("<u8").view(np.uint8), axis=1, bitorder="little").view(
-            np.bool_
-        )
-        part = values[rows]
-        part[is_on] = np.frombuffer(b"".join(chunks), codec.stored)
-        values[rows] = part
+        _put_active(values, masks, np.array(partial), b"".join(chunks), codec)
     return masks, values
 
 
-def write_values(
-    values: NDArray[Any], is_on: NDArray[np.bool_], is_off: NDArray[np.bool_], codec: Codec
-) -> bytes:
+def _read_brief_leaves(
+    source: Source, row: int, masks: NDArray[np.uint64], values: NDArray[np.float32], codec: Codec
+) -> int:
+    """Read the leaves from `row` on that have only background where inactive; give the row of the first other one.
+
+    Most leaves are such, and this loop is short. A leaf that the file cuts off is left to the caller.
+    """
+    data, at, n_leaves, itemsize = source.data, source.at, len(masks), codec.stored.itemsize
+    starts: list[int] = []
+    counts: list[int] = []
+    while len(starts) < n_leaves - row and at + 65 <= len(data) and data[at + 64] == _ALL_BACKGROUND:
+        count = int.from_bytes(data[at : at + 64], "little").bit_count()
+        end = at + 65 + count * itemsize
+        if end > len(data):
+            break
+        starts.append(at)
+        counts.append(count)
+        at = end
+    source.at = at
+    if not starts:
+        return row
+    stop = row + len(starts)
+    masks[row:stop] = np.frombuffer(b"".join([data[s : s + 64] for s in starts]), "<u8").reshape(-1, 8)
+    is_full = np.array(counts) == 512
+    full, others = np.flatnonzero(is_full), np.flatnonzero(~is_full)
+    raw = b"".join([data[starts[k] + 65 : starts[k] + 65 + 512 * itemsize] for k in full.tolist()])
+    values[full + row] = np.frombuffer(raw, codec.stored).reshape(-1, 512)
+    raw = b"".join([data[starts[k] + 65 : starts[k] + 65 + counts[k] * itemsize] for k in others.tolist()])
+    values[others + row] = codec.background
+    _put_active(values, masks, others + row, raw, codec)
+    return stop
+
+
+def _put_active(
+    values: NDArray[np.float32], masks: NDArray[np.uint64], rows: NDArray[np.intp], raw: bytes, codec: Codec
+) -> None:
+    """Put the stored values of some leaves where these are active."""
+    is_on = np.unpackbits(masks[rows].astype("<u8").view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+    part = values[rows]
+    part[is_on] = np.frombuffer(raw, codec.stored)
+    values[rows] = part
+
+
+def write_values(values: NDArray[Any], is_on: NDArray[np.bool_], is_off: NDArray[np.bool_], codec: Codec) -> bytes:
     """A node's values: active ones in full, inactive ones as briefly as OpenVDB's seven modes allow.
 
     `is_off` marks inactive values; slots that are neither (children) are stored as nothing.

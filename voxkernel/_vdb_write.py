@@ -25,18 +25,21 @@ class _Slots(NamedTuple):
 
     def below(self, shift: int, node: int) -> "_Slots":
         """Tiles in one node."""
-        start, stop = np.searchsorted(self.key >> shift, [node, node + 1])
+        start = np.searchsorted(self.key, node << shift)
+        stop = np.searchsorted(self.key, ((node + 1) << shift) - 1, side="right")
         return _Slots(self.key[start:stop], self.values[start:stop], self.is_on[start:stop])
 
 
 def _keys(ijk: NDArray[np.int32]) -> NDArray[np.int64]:
     """Depth-first order of OpenVDB's tree: 36 bits for the root's child, 15 within it, 12 within that."""
-    voxel = ijk.astype(np.int64)
-    parts = [(voxel >> 12) + 2048, (voxel >> 7) & 31, (voxel >> 3) & 15]
-    key = np.zeros(len(voxel), dtype=np.int64)
-    for part, bits in zip(parts, (12, 5, 4), strict=True):
-        for axis in range(3):
-            key = (key << bits) | part[:, axis]
+    columns = np.ascontiguousarray(ijk.T, dtype=np.int64)
+    key = np.zeros(len(ijk), dtype=np.int64)
+    for column in columns:
+        key = (key << 12) | ((column >> 12) + 2048)
+    for shift, bits in ((7, 5), (3, 4)):
+        for column in columns:
+            key <<= bits
+            key |= (column >> shift) & ((1 << bits) - 1)
     return key
 
 
@@ -107,9 +110,7 @@ def _topology(
     value_code = "?" if codec.dtype.kind == "b" else "f"
     parts = [struct.pack(f"<i{value_code}II", 1, codec.background.item(), len(slots[12].key), len(upper))]
     for key, value, is_on in zip(*slots[12], strict=True):
-        parts.append(
-            struct.pack(f"<3i{value_code}?", *_root_corner(int(key) >> _ROOT_BITS), value.item(), is_on)
-        )
+        parts.append(struct.pack(f"<3i{value_code}?", *_root_corner(int(key) >> _ROOT_BITS), value.item(), is_on))
     lower_ends = np.searchsorted(lower >> 15, upper, side="right")
     leaf_ends = np.searchsorted(leaf_key >> 12, lower, side="right").tolist()
     first = leaf_start = 0
@@ -132,9 +133,7 @@ def _root_corner(node: int) -> tuple[int, int, int]:
     return ((node >> 24) - 2048) << 12, (((node >> 12) & 4095) - 2048) << 12, ((node & 4095) - 2048) << 12
 
 
-def _node(
-    log2: int, children: NDArray[np.int64], places: NDArray[np.int64], tiles: _Slots, codec: Codec
-) -> bytes:
+def _node(log2: int, children: NDArray[np.int64], places: NDArray[np.int64], tiles: _Slots, codec: Codec) -> bytes:
     """Masks and values of an internal node."""
     count = 1 << (3 * log2)
     masks = pack_bits(count, children) + pack_bits(count, places[tiles.is_on])

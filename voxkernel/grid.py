@@ -32,7 +32,15 @@ from voxkernel._grid_checks import (
     linear_of,
     tiles_of,
 )
-from voxkernel._grid_query import MAX_TABLE, ActiveTable, find_rows
+from voxkernel._grid_query import (
+    MAX_TABLE,
+    MIN_COMPILED,
+    ActiveTable,
+    cells_of_points,
+    find_rows,
+    points_in,
+    voxels_in,
+)
 from voxkernel._leaf_bits import bit_bounds, popcount
 from voxkernel._morton import REACH, decode, encode, last_of
 
@@ -493,9 +501,11 @@ class SparseGrid:
             highs.append((corners + (np.int64(1) << self.tile_log2.astype(np.int64))[:, None] - 1).max(axis=0))
         used = self.leaf_mask.any(axis=1)
         if used.any():
-            low, high = bit_bounds(self.leaf_mask[used])
-            lows.append((low + self.leaf_ijk[used]).min(axis=0))
-            highs.append((high + self.leaf_ijk[used]).max(axis=0))
+            masks, corners = self.leaf_mask[used], self.leaf_ijk[used]
+            outer = ((corners == corners.min(axis=0)) | (corners == corners.max(axis=0))).any(axis=1)
+            low, high = bit_bounds(masks[outer])
+            lows.append((low + corners[outer]).min(axis=0))
+            highs.append((high + corners[outer]).max(axis=0))
         if not lows:
             return None
         return np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
@@ -534,7 +544,8 @@ class SparseGrid:
         Notes
         -----
         O(n log c) for c tiles and leaves. A long list about a compact grid is answered from a table of its
-        8^3 blocks, made once: at most 16 MB, and never longer than the list.
+        8^3 blocks, made once: at most 16 MB, and never longer than the list. From 100,000 voxels on the loop
+        is a compiled one.
 
         Examples
         --------
@@ -542,8 +553,10 @@ class SparseGrid:
         array([ True, False])
         """
         voxels = integers("ijk", ijk)
-        active = np.empty(len(voxels), dtype=np.bool_)
         query = self._query_for(len(voxels))
+        if len(voxels) >= MIN_COMPILED:
+            return voxels_in(voxels, self._table, self._cells(), self.leaf_mask)
+        active = np.empty(len(voxels), dtype=np.bool_)
         for start in range(0, len(voxels), _QUERY_CHUNK):
             active[start : start + _QUERY_CHUNK] = query(voxels[start : start + _QUERY_CHUNK])
         return active
@@ -777,13 +790,16 @@ class SparseGrid:
         array([ True, False])
         """
         points = as_points("xyz", xyz)
-        to_cells = np.linalg.inv(self.linear).T
+        to_cells = np.asarray(np.linalg.inv(self.linear), dtype=np.float64)
         query = self._query_for(len(points))
+        is_long = len(points) >= MIN_COMPILED
+        if is_long and self._table is not None:
+            return points_in(points, self.origin, to_cells, self._table)
         active = np.empty(len(points), dtype=np.bool_)
         for start in range(0, len(points), _QUERY_CHUNK):
-            cells = np.floor((points[start : start + _QUERY_CHUNK] - self.origin) @ to_cells)
-            np.clip(cells, -REACH - 1, REACH, out=cells)
-            active[start : start + _QUERY_CHUNK] = query(cells.astype(np.int64))
+            cells = cells_of_points(points[start : start + _QUERY_CHUNK], self.origin, to_cells)
+            found = voxels_in(cells, self._table, self._cells(), self.leaf_mask) if is_long else query(cells)
+            active[start : start + _QUERY_CHUNK] = found
         return active
 
     # -- set operations ----------------------------------------------------------------------------
@@ -881,7 +897,7 @@ class SparseGrid:
         """Set operations need the same voxels on both sides."""
         if not isinstance(other, SparseGrid):
             raise TypeError(f"`other` must be a SparseGrid; got {type(other).__name__}")
-        to_cells = np.linalg.inv(self.linear)
+        to_cells = np.asarray(np.linalg.inv(self.linear), dtype=np.float64)
         shift = np.abs(to_cells @ (other.origin - self.origin)).max()
         turn = np.abs(to_cells @ other.linear - np.eye(3)).max()
         if max(shift, turn) > _SAME_CELL:

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._grid_surface import exposed_faces, n_exposed_faces
+from voxkernel._grid_surface import exposed_faces
 from voxkernel._leaf_bits import unpack
-from voxkernel._vdb_format import GridReadError
+from voxkernel.errors import GridReadError
 from voxkernel.grid import SparseGrid
 
 __all__ = [
@@ -418,9 +418,7 @@ def to_surface(grid: SparseGrid, *, max_faces: int = 50_000_000) -> tuple[NDArra
     on_tiles = int((np.int64(1) << (2 * (grid.tile_log2.astype(np.int64) - 3))).sum())  # 8^2 patches of one side
     if 8 * on_tiles > max_faces:
         raise ValueError(f"`max_faces` must be larger for tiles of {on_tiles} patches a side; got {max_faces}")
-    n_faces = 2 * n_exposed_faces(grid)
-    if n_faces > max_faces:
-        raise ValueError(f"`max_faces` must be at least {n_faces}; got {max_faces}")
+    n_faces = 0
     quads: list[NDArray[np.int32]] = [np.zeros((0, 4, 3), dtype=np.int32)]
     is_mirrored = np.linalg.det(grid.linear) < 0
     for axis in range(3):
@@ -428,6 +426,9 @@ def to_surface(grid: SparseGrid, *, max_faces: int = 50_000_000) -> tuple[NDArra
         around = np.stack([np.zeros(3, dtype=np.int32), u, u + v, v])
         for step in (1, -1):
             voxels = exposed_faces(grid, axis, step)
+            n_faces += 2 * len(voxels)
+            if n_faces > max_faces:
+                raise ValueError(f"`max_faces` must be larger for this grid; got {max_faces}")
             if step > 0:
                 voxels[:, axis] += 1
             turn = around if (step > 0) != is_mirrored else around[::-1]

@@ -9,7 +9,7 @@ import uuid
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from hashlib import blake2b
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -24,7 +24,6 @@ from voxkernel._vdb_format import (
     VERSION,
     VERSIONS,
     ZIP,
-    GridReadError,
     Source,
     UnsupportedGridError,
     pack_map,
@@ -35,6 +34,7 @@ from voxkernel._vdb_format import (
 )
 from voxkernel._vdb_read import Tree, leaf_numbers, read_tree
 from voxkernel._vdb_write import write_tree
+from voxkernel.errors import GridReadError
 from voxkernel.grid import GRID_CLASSES, SparseGrid
 
 __all__ = ["VdbFile", "read_vdb", "write_vdb"]
@@ -49,8 +49,6 @@ _TREES: dict[str, ValueType] = {
     "Tree_float_5_4_3_HalfFloat": "half",
 }
 _TREE_NAMES = {kind: name for name, kind in _TREES.items()}
-_HALF = "_HalfFloat"  # means nothing after a type without floats
-_TREES |= {"Tree_bool_5_4_3" + _HALF: "bool", "Tree_mask_5_4_3" + _HALF: "mask"}
 _FLAGS = {"none": MASKED, "zip": MASKED | ZIP, "blosc": MASKED | BLOSC}
 _FLAG_NAMES = {"none": "active values", "zip": "zip + active values", "blosc": "blosc + active values"}
 _SEPARATOR = "\x1e"  # between a grid's name and the number that makes it unique in its file
@@ -90,6 +88,8 @@ class VdbFile:
         File version, 222 to 225.
     library_version : tuple of int
         Version of the library that wrote the file.
+    entries : tuple of dict
+        All that the file says about each grid, also what `SparseGrid` has no place for (compression, counts).
 
     Raises
     ------
@@ -100,7 +100,7 @@ class VdbFile:
     --------
     >>> import os, tempfile
     >>> path = os.path.join(tempfile.mkdtemp(), "a.vdb")
-    >>> write_vdb(path, SparseGrid.from_ijk([[0, 0, 0]], name="inside"), {"alpha": 0.03})
+    >>> write_vdb(path, SparseGrid.from_ijk([[0, 0, 0]], name="inside"), metadata={"alpha": 0.03})
     >>> file = read_vdb(path)
     >>> file["inside"].active_voxel_count, file.metadata, file.value_types
     (1, {'alpha': 0.03}, ('bool',))
@@ -112,6 +112,7 @@ class VdbFile:
     skipped: tuple[str, ...]
     version: int
     library_version: tuple[int, int]
+    entries: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -212,7 +213,7 @@ def _read(source: Source) -> VdbFile:
     metadata = read_metadata(source)
     n_grids = source.number("i", "the number of grids")
     source.need(n_grids * 40, f"{n_grids} grids")
-    grids: list[tuple[SparseGrid, str]] = []
+    grids: list[tuple[SparseGrid, str, dict[str, Any]]] = []
     skipped: list[str] = []
     trees: dict[str, tuple[Tree, str]] = {}
     for _ in range(n_grids):
@@ -224,19 +225,20 @@ def _read(source: Source) -> VdbFile:
                 skipped.append("all grids after it (the file has no offsets)")
                 break
     return VdbFile(
-        tuple(grid for grid, _ in grids),
-        tuple(kind for _, kind in grids),
+        tuple(grid for grid, _, _ in grids),
+        tuple(kind for _, kind, _ in grids),
         metadata,
         tuple(skipped),
         version,
         (int(major), int(minor)),
+        tuple(entries for _, _, entries in grids),
     )
 
 
 def _read_grid(
     source: Source, has_offsets: bool, trees: dict[str, tuple[Tree, str]]
-) -> tuple[SparseGrid, str]:
-    """One grid; leaves the source at the grid's end, also when the grid is not supported."""
+) -> tuple[SparseGrid, str, dict[str, Any]]:
+    """One grid, its type and its metadata; leaves the source at the grid's end, also when the grid is not supported."""
     unique_name, tree_name = source.text("the name of a grid"), source.text("the type of a grid")
     parent = source.text("the parent of a grid")
     grid_at, block_at, end_at = source.unpack("qqq", "the offsets of a grid")
@@ -251,9 +253,9 @@ def _read_grid(
         body.data, body.at = source.data[:end_at], grid_at
         source.at = end_at
     name = unique_name.split(_SEPARATOR)[0]
-    if tree_name not in _TREES:
+    kind = _TREES.get(tree_name) or _TREES.get(tree_name.removesuffix("_HalfFloat"))
+    if kind is None:
         raise UnsupportedGridError(f"{name!r} ({tree_name})")
-    kind = _TREES[tree_name]
     flags = body.number("I", "compression flags")
     if flags & ~(ZIP | MASKED | BLOSC):
         raise UnsupportedGridError(f"{name!r} (compression {flags})")
@@ -269,7 +271,7 @@ def _read_grid(
     else:
         tree = read_tree(body, kind, flags, block_at if has_offsets else 0)
         trees[unique_name] = tree, kind
-    return _grid_from(tree, matrix, name, entries), kind
+    return _grid_from(tree, matrix, name, entries), kind, entries
 
 
 def _grid_from(tree: Tree, matrix: NDArray[np.float64], name: str, entries: dict[str, Any]) -> SparseGrid:
@@ -319,8 +321,8 @@ def _grid_from(tree: Tree, matrix: NDArray[np.float64], name: str, entries: dict
 def write_vdb(
     path: str | os.PathLike[str],
     grids: SparseGrid | Iterable[SparseGrid] | Mapping[str, SparseGrid],
-    metadata: Mapping[str, Any] | None = None,
     *,
+    metadata: Mapping[str, Any] | None = None,
     value_type: ValueType | None = None,
     compression: Compression = "none",
 ) -> None:
@@ -368,7 +370,7 @@ def write_vdb(
     >>> import os, tempfile
     >>> path = os.path.join(tempfile.mkdtemp(), "kernel.vdb")
     >>> ball = SparseGrid.from_ijk([[0, 0, 0], [0, 0, 1]])
-    >>> write_vdb(path, {"inside": ball, "boundary": ball}, {"alpha": 0.03, "source": "face.ply"})
+    >>> write_vdb(path, {"inside": ball, "boundary": ball}, metadata={"alpha": 0.03, "source": "face.ply"})
     >>> read_vdb(path).names
     ('inside', 'boundary')
     """
@@ -389,10 +391,10 @@ def write_vdb(
         chunks = _packed(replace(grid, name=name), unique, value_type, compression, at)
         parts += chunks
         at += sum(len(chunk) for chunk in chunks)
-    digest = blake2b(digest_size=16)
+    digest = sha256()
     for part in header + parts:
         digest.update(part)
-    header[1] = str(uuid.UUID(bytes=digest.digest(), version=4)).encode()
+    header[1] = str(uuid.UUID(bytes=digest.digest()[:16], version=4)).encode()
     _write_atomically(Path(path), header + parts)
 
 
@@ -419,9 +421,7 @@ def _packed(
     """One grid as bytes that will stand at `at`."""
     kind: ValueType = value_type or ("bool" if grid.is_mask else "float")
     if not grid.is_mask and kind in ("bool", "mask"):
-        raise ValueError(
-            f"`value_type` must be 'float' or 'half' for a grid with values; got {kind!r} (see to_mask)"
-        )
+        raise ValueError(f"`value_type` must be 'float' or 'half' for a grid with values; got {kind!r} (see to_mask)")
     topology, buffers = write_tree(grid, kind, _FLAGS[compression])
     bbox = grid.active_bbox
     entries: dict[str, Any] = dict(grid.metadata) | {
