@@ -16,7 +16,7 @@ from voxkernel.halfspaces import HalfSpaces
 
 __all__ = ["RelaxedCells", "cube_arrays", "relaxed_cells_of"]
 
-_SPLIT_LEVEL = 2
+_FEW = 50_000  # planes up to which the work is divided among 64 cells, not 8
 _NEVER = 99
 
 
@@ -64,18 +64,32 @@ def relaxed_cells_of(
     ins, outs = planes.thresholds([shares[k] for k in order])
     normals, offsets, reach, pads, weights, n_domain = cube_arrays(planes, domain, cube, depth)
     # Half a voxel is the smallest half edge: over it the pad becomes a part of the reach.
-    arrays = normals, offsets, reach + pads * 2.0 ** (depth + 1), weights, n_domain, ins, outs, depth
+    padded = reach + pads * 2.0 ** (depth + 1)
+    numbers = np.column_stack([normals, padded, 0.5 * normals.sum(axis=1) - offsets])
+    everything = np.array([0, len(ins)])
+
+    def run(
+        numbers: NDArray[np.float64], weights: NDArray[np.int64], n_domain: int, certain: int,
+        k_range: NDArray[np.int64], level: int, start: NDArray[np.int64], stop: int,
+    ) -> tuple[Any, ...]:  # fmt: skip
+        return relaxed_cells(
+            numbers, weights, n_domain, certain, ins, outs, k_range, depth, level, start, stop, count_only
+        )
+
     root = np.zeros(3, np.int64)
-    if threads == 1 or depth - 3 <= _SPLIT_LEVEL:
-        parts = [relaxed_cells(*arrays, 0, root, _NEVER, count_only)]
+    split = min(depth - 4, 2 if len(weights) <= _FEW else 1)
+    if threads == 1 or split < 1:
+        parts = [run(numbers, weights, n_domain, 0, everything, -1, root, _NEVER)]
     else:
-        top = relaxed_cells(*arrays, 0, root, _SPLIT_LEVEL, count_only)
-
-        def run(start: NDArray[np.int64]) -> tuple[Any, ...]:
-            return relaxed_cells(*arrays, _SPLIT_LEVEL, start, _NEVER, count_only)
-
+        top = run(numbers, weights, n_domain, 0, everything, -1, root, split)
+        *_, pending, listed, listed_weights = top
+        jobs = [
+            (listed[first:end], listed_weights[first:end], middle - first, certain, row[7:], split, row[:3], _NEVER)
+            for row in pending
+            for first, middle, end, certain in [row[3:7]]
+        ]
         with ThreadPoolExecutor(threads) as pool:
-            parts = [top, *pool.map(run, top[7])]
+            parts = [top, *pool.map(run, *zip(*jobs, strict=True))] if jobs else [top]
     found = [_sorted_out(parts, k) for k in range(len(shares))]
     return [found[k] for k in np.argsort(order, kind="stable")]
 
@@ -88,5 +102,5 @@ def _sorted_out(parts: list[tuple[Any, ...]], k: int) -> RelaxedCells:
     leaf_ijk, inside, boundary = (
         np.concatenate([p[j][rows] for p, rows in zip(parts, leaves, strict=True)]) for j in (3, 5, 6)
     )
-    counts = sum(int(p[8][k]) for p in parts), sum(int(p[9][k]) for p in parts)
+    counts = sum(int(p[7][k]) for p in parts), sum(int(p[8][k]) for p in parts)
     return RelaxedCells(tile_ijk, tile_log2, leaf_ijk, inside, boundary, *counts)

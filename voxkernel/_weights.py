@@ -30,13 +30,14 @@ class WeighedPlanes:
     """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
 
     `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from that of the true
-    shares by at most `slack` units.
+    shares by at most `slack` units. `is_closed` says whether all the facets together bound a volume.
     """
 
     facets: HalfSpaces
     weights: NDArray[np.int64]
     shares: NDArray[np.float64]
     slack: int
+    is_closed: bool
 
     def share_bounds(self, low: int, high: int) -> tuple[float, float]:
         """Turn sums of weights into certain bounds on shares of the whole; 0 stays 0."""
@@ -73,7 +74,7 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
     ValueError
         If the weights have the wrong shape, are negative or not finite, or are all zero.
     """
-    values = _plane_weights(halfspaces, weights, mesh)
+    values, is_closed = _plane_weights(halfspaces, weights, mesh), halfspaces.bounds_volume
     if not values.any():
         raise ValueError("`weights` must have one above 0; got only zeros")
     if not values.all():
@@ -89,7 +90,7 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
         sums = np.zeros(len(groups), np.int64)
         np.add.at(sums, groups, units)
         halfspaces, units, shares = halfspaces.select(heads), sums[heads], shares[heads]
-    return WeighedPlanes(halfspaces, units, shares, slack)
+    return WeighedPlanes(halfspaces, units, shares, slack, is_closed)
 
 
 def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | None) -> NDArray[np.float64]:
@@ -118,7 +119,7 @@ def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | No
     return one_each if given is None else given[ids] * one_each
 
 
-def relaxed_domain(halfspaces: HalfSpaces, mesh: TriangleMesh | None, domain: Any) -> Domain:
+def relaxed_domain(is_closed: bool, mesh: TriangleMesh | None, domain: Any) -> Domain:
     """Choose where relaxed kernels are looked for: given, or the hull of closed surfaces, or the ball polytope."""
     if domain is not None:
         found = as_domain(domain, mesh)
@@ -126,7 +127,7 @@ def relaxed_domain(halfspaces: HalfSpaces, mesh: TriangleMesh | None, domain: An
             return found
     if mesh is None:
         raise ValueError("`domain` must be given for half-spaces; got None")
-    if not halfspaces.bounds_volume:
+    if not is_closed:
         return ball_domain(mesh)
     try:
         return hull_domain(mesh)

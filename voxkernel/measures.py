@@ -234,8 +234,9 @@ def defect_profile(
     if max(as_nonnegative("tolerances", v) for v in values) > 1.0:
         raise ValueError(f"`tolerances` must be at most 1, the whole surface; got {values.max():g}")
     levels = as_depth("depth", depth, MIN_DEPTH, 20)
-    region = relaxed_domain(halfspaces, mesh, domain)
-    return _profile(weigh(halfspaces), mesh, region, values, levels, as_depth("threads", threads, 1, 256))
+    planes = weigh(halfspaces)
+    region = relaxed_domain(planes.is_closed, mesh, domain)
+    return _profile(planes, mesh, region, values, levels, as_depth("threads", threads, 1, 256))
 
 
 def _profile(
@@ -342,7 +343,7 @@ def _detail(
     mesh: TriangleMesh, planes: WeighedPlanes, domain: Any, point: NDArray[np.float64]
 ) -> tuple[VisibleFraction, DefectProfile]:
     """Cast rays from the star centre and measure a few relaxed kernels."""
-    region = relaxed_domain(planes.facets, mesh, domain)
+    region = relaxed_domain(planes.is_closed, mesh, domain)
     profile = _profile(planes, mesh, region, np.array(_TOLERANCES), _PROFILE_DEPTH, 1)
     return visible_fraction(mesh, point), profile
 

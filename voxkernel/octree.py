@@ -19,7 +19,7 @@ from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
-from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces, resolve_surface
+from voxkernel.polytope import kernel_of_halfspaces, resolve_surface
 from voxkernel.violation import center_of_planes
 
 __all__ = ["KernelGrid", "voxel_kernel"]
@@ -319,7 +319,7 @@ def voxel_kernel(
         return _exact(surface if mesh is None else mesh, facets if mesh is None else None, domain, axes, *step)
     halfspaces, _ = halfspaces_of(surface if mesh is None else mesh, facets if mesh is None else None)
     planes = weigh(halfspaces)
-    region = relaxed_domain(halfspaces, mesh, domain)
+    region = relaxed_domain(planes.is_closed, mesh, domain)
     if margin is not None:
         shares = [min(1.0, center_of_planes(planes, mesh, region, _CENTER_GAP).violation_bounds[1] + margin)]
     grids = _relaxed(planes, region, shares, axes, step, n_threads)
@@ -342,14 +342,18 @@ def _exact(
 ) -> KernelGrid:  # fmt: skip
     """Run the octree of convex kernels, which stops at the first plane that is violated."""
     halfspaces, region = resolve_surface(surface, domain=domain, facets=facets)
-    kernel = kernel_of_halfspaces(halfspaces, region)
     planes = halfspaces if region is None else halfspaces.with_planes(region.normals, region.offsets)
+    if rtol is not None or (region is None and isinstance(surface, HalfSpaces)):
+        kernel = kernel_of_halfspaces(halfspaces, region)
+        dimension, corners = kernel.dimension, kernel.vertices
+    else:
+        dimension = find_feasibility(planes).dimension
+        corners = region.vertices if region is not None else surface.vertices[np.unique(surface.faces)]
     planes = planes.merged()
     if rtol is not None:
-        return _refined(planes, kernel, axes, rtol)
-    used = surface.vertices[np.unique(surface.faces)] if isinstance(surface, TriangleMesh) else kernel.vertices
-    cube, levels = root_cube(used if region is None else region.vertices, axes, depth=depth, voxel_size=voxel_size)
-    return _grid(planes, kernel, cube, levels)
+        return _refined(planes, corners, dimension, region, axes, rtol)
+    cube, levels = root_cube(corners, axes, depth=depth, voxel_size=voxel_size)
+    return _grid(planes, dimension, region, cube, levels)
 
 
 def _relaxed(
@@ -386,20 +390,20 @@ def _wrap_relaxed(
     return _wrap(dimension, region, cube, depth, arrays, bounds, reason, share)
 
 
-def _grid(planes: HalfSpaces, kernel: KernelPolytope, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
+def _grid(
+    planes: HalfSpaces, dimension: int, region: Domain | None, cube: RootCube, depth: int, reason: str = ""
+) -> KernelGrid:
     """Run the octree and wrap its arrays."""
     from voxkernel._loops.octree import exact_cells
 
     volume = (cube.edge / 2**depth) ** 3
-    if kernel.dimension < 0:
+    if dimension < 0:
         nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
         masks = np.empty((0, 8), np.uint64), np.empty((0, 8), np.uint64)
-        return _wrap(
-            kernel.dimension, kernel.domain, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty"
-        )
+        return _wrap(dimension, region, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
     *arrays, n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, depth), depth, False)
     bounds = n_inside * volume * (1 - 1e-14), (n_inside + n_boundary) * volume * (1 + 1e-14)
-    return _wrap(kernel.dimension, kernel.domain, cube, depth, tuple(arrays), bounds, reason)
+    return _wrap(dimension, region, cube, depth, tuple(arrays), bounds, reason)
 
 
 def _wrap(
@@ -415,21 +419,24 @@ def _wrap(
     return KernelGrid(inside, boundary, depth, bounds, dimension, domain, reason, tolerance)
 
 
-def _refined(planes: HalfSpaces, kernel: KernelPolytope, axes: NDArray[np.float64], rtol: float) -> KernelGrid:
+def _refined(
+    planes: HalfSpaces, corners: NDArray[np.float64], dimension: int, region: Domain | None,
+    axes: NDArray[np.float64], rtol: float,
+) -> KernelGrid:  # fmt: skip
     """Deepen until the bounds agree; the voxels are counted first and stored once."""
     from voxkernel._loops.octree import exact_cells
 
-    cube, _ = root_cube(kernel.vertices, axes)
-    if kernel.dimension < 3:
-        reason = "" if kernel.dimension < 0 else "a kernel without volume has no relative accuracy"
-        return _grid(planes, kernel, cube, DEFAULT_DEPTH, reason)
+    cube, _ = root_cube(corners, axes)
+    if dimension < 3:
+        reason = "" if dimension < 0 else "a kernel without volume has no relative accuracy"
+        return _grid(planes, dimension, region, cube, DEFAULT_DEPTH, reason)
     levels, share = MIN_DEPTH, 1.0
     for levels in range(MIN_DEPTH, _RTOL_MAX_DEPTH + 1):
         n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, levels), levels, True)[5:]
         share = n_boundary / (n_inside + n_boundary)
         if share <= rtol:
-            return _grid(planes, kernel, cube, levels)
-    return _grid(planes, kernel, cube, levels, _still_apart(share))
+            return _grid(planes, dimension, region, cube, levels)
+    return _grid(planes, dimension, region, cube, levels, _still_apart(share))
 
 
 def _still_apart(share: float) -> str:

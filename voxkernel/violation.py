@@ -255,8 +255,8 @@ def center_of_planes(
     """Find the least violated point of weighed planes; `domain` is an argument or a Domain."""
     facets = planes.facets
     region = None
-    if domain is not None or mesh is None or not facets.bounds_volume:
-        region = relaxed_domain(facets, mesh, domain)
+    if domain is not None or mesh is None or not planes.is_closed:
+        region = relaxed_domain(planes.is_closed, mesh, domain)
     every = facets if region is None else facets.with_planes(region.normals, region.offsets)
     verdict = find_feasibility(every)
     if verdict.dimension >= 0:
@@ -266,7 +266,7 @@ def center_of_planes(
     held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
     known = float(planes.shares[held].min()) if held else 0.0
     if region is None:
-        region = relaxed_domain(facets, mesh, None)
+        region = relaxed_domain(planes.is_closed, mesh, None)
     point, best, lower, n_cells = _searched(planes, mesh, region, gap, ratio)
     low, high = planes.share_bounds(lower, best)
     low = min(high, max(low, known))
@@ -296,12 +296,15 @@ def _searched(
         point, best = seeds[np.argmin(sums)], int(sums.min())
     for levels in _COARSE_LEVELS if is_coarse else _LEVELS:
         unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
-        best, lower, count = least_violated(*arrays, blur, best, close, ratio, levels, _MAX_CELLS, unit, open_cell)
+        # One unit more than is known lets the centre of a cell win over a seed on the surface.
+        reached, lower, count = least_violated(
+            *arrays, blur, best + 1, close, ratio, levels, _MAX_CELLS, unit, open_cell
+        )
         n_cells += count
         if not np.isnan(unit).any():
             point = cube.to_world(unit)
             # Planes within rounding of the point were counted as violated: the exact sum may be smaller.
-            best = min(best, int(violated_units(planes, point[None])[0]))
+            best = min(best, reached, int(violated_units(planes, point[None])[0]))
         if best - lower <= max(close, int(ratio * best)):
             break
         flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
@@ -410,7 +413,7 @@ def violation_grid(
     if mesh is None and frame == "principal":
         raise ValueError("`frame` must be 'world' for half-spaces; got 'principal'")
     planes = weigh(halfspaces)
-    region = relaxed_domain(halfspaces, mesh, domain)
+    region = relaxed_domain(planes.is_closed, mesh, domain)
     if tolerance is None:
         least = center_of_planes(planes, mesh, region, _GAP).violation_bounds[1]
         share = least + (_MARGIN if margin is None else as_nonnegative("margin", margin))

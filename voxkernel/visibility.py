@@ -18,7 +18,8 @@ from voxkernel.violation import violated_units
 
 __all__ = ["VisibleFraction", "visible_fraction"]
 
-_CLOSE = 1e-4  # a hit this close before the sample, relative to its distance, is the surface itself
+_CLOSE = 1e-4  # a hit this close before the sample is the surface itself
+_SINGLE = 4e-6  # what single precision can tell apart along a ray
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -121,7 +122,7 @@ def visible_fraction(
     What does not face the point is counted exactly (`violation`), so the hidden area is never less. For the
     rest the facets are cut into strata of equal area with one random spot each; the error is Hoeffding's
     bound [1]_, which strata only make safer. Rays are traced in single precision about the point (Open3D,
-    Embree): what hides a spot from closer than 1e-4 of its distance does not count.
+    Embree): what hides a spot from closer than 1e-4 of the size of the surface does not count.
     Parts of an open surface can hide each other from a point of its kernel.
 
     References
@@ -208,5 +209,7 @@ def _share_seen(
     rays[:, 3:] = spots
     hits = scene.cast_rays(o3d.core.Tensor(rays))
     # The direction is the spot itself, so the spot is at 1.
-    seen = (hits["t_hit"].numpy() >= 1.0 - _CLOSE) | (hits["primitive_ids"].numpy() == ids)
+    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    close = max(_SINGLE, _CLOSE * min(1.0, extent))
+    seen = (hits["t_hit"].numpy() >= 1.0 - close) | (hits["primitive_ids"].numpy() == ids)
     return float(np.count_nonzero(seen)) / count

@@ -149,17 +149,21 @@ def _leaf(low, high, most_inside, least_outside, inside, boundary):  # type: ign
 
 @njit(cache=NUMBA_CACHE, nogil=True)
 def relaxed_cells(  # type: ignore[no-untyped-def]
-    normals, offsets, reach, weights, n_domain, ins, outs, depth, start_level, start, stop_level, count_only
+    numbers, weights, n_domain, certain_before, ins, outs, k_before, depth, start_level, start, stop_level, count_only
 ):
     """Classify the unit cube, or one cell of it, down to 2**depth voxels an edge for every threshold.
 
-    The first `n_domain` planes are the domain's. `start` is the cell at `start_level` to begin with; cells
-    still unsettled at `stop_level` are listed, not divided (none with stop_level >= depth).
+    `numbers` are the planes of the cell `start` at `start_level`, with level -1 those of the cube before its
+    root is looked at: normal, reach, value at the centre; the first `n_domain` are the domain's.
+    `certain_before` is what the cell violates for certain, `k_before` the range of its unsettled thresholds.
+    Cells still unsettled at `stop_level` are listed, not divided (none with stop_level >= depth).
 
-    Returns (tile_ijk, tile_log2, tile_of, leaf_ijk, leaf_of, leaf_inside, leaf_boundary, pending, n_inside,
-    n_boundary): `*_of` is the threshold a row belongs to, counts are in voxels per threshold.
+    Returns (tile_ijk, tile_log2, tile_of, leaf_ijk, leaf_of, leaf_inside, leaf_boundary, n_inside, n_boundary,
+    pending, pending_numbers, pending_weights): `*_of` is the threshold a row belongs to, counts are in voxels
+    per threshold. A row of `pending` is a cell to go on with: ijk, first plane, first facet plane, end,
+    certain weight, range of thresholds.
     """
-    n = offsets.shape[0]
+    n = weights.shape[0]
     n_thresholds = ins.shape[0]
     last_level = depth - 3
     size = 3 * n + 1024
@@ -170,13 +174,13 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
     value = np.empty(size)
     weight = np.empty(size, np.int64)
     for i in range(n):
-        x[i] = normals[i, 0]
-        y[i] = normals[i, 1]
-        z[i] = normals[i, 2]
-        a_reach[i] = reach[i]
-        value[i] = 0.5 * (normals[i, 0] + normals[i, 1] + normals[i, 2]) - offsets[i]
+        x[i] = numbers[i, 0]
+        y[i] = numbers[i, 1]
+        z[i] = numbers[i, 2]
+        a_reach[i] = numbers[i, 3]
+        value[i] = numbers[i, 4]
         weight[i] = weights[i]
-    # Slot 0 holds all planes and has one child, the root; slot l + 1 is a cell of level l.
+    # Slot l + 1 is a cell of level l whose children are open; slot 0 has one child, the root.
     begin = np.zeros(depth + 3, np.int64)
     middle = np.zeros(depth + 3, np.int64)
     end = np.zeros(depth + 3, np.int64)
@@ -185,9 +189,15 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
     violated = np.zeros(depth + 3, np.int64)
     lowest = np.zeros(depth + 3, np.int64)
     highest = np.zeros(depth + 3, np.int64)
-    middle[0] = n_domain
-    end[0] = n
-    highest[0] = n_thresholds
+    slot = start_level + 1
+    lowest_slot = slot
+    middle[slot] = n_domain
+    end[slot] = n
+    for k in range(3):
+        cell[slot, k] = start[k]
+    violated[slot] = certain_before
+    lowest[slot] = k_before[0]
+    highest[slot] = k_before[1]
     tile_ijk = np.empty((64, 3), np.int32)
     tile_log2 = np.empty(64, np.int8)
     tile_of = np.empty(64, np.int32)
@@ -195,25 +205,24 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
     leaf_of = np.empty(64, np.int32)
     leaf_inside = np.empty((64, 8), np.uint64)
     leaf_boundary = np.empty((64, 8), np.uint64)
-    pending = np.empty((64, 3), np.int64)
+    pending = np.empty((8, 9), np.int64)
+    pending_numbers = np.empty((64, 5))
+    pending_weights = np.empty(64, np.int64)
     n_tiles = 0
     n_leaves = 0
     n_pending = 0
+    n_listed = 0
     n_inside = np.zeros(n_thresholds, np.int64)
     n_boundary = np.zeros(n_thresholds, np.int64)
     difference = np.zeros((4, 9 * 64), np.int64)
     at = np.empty((2, 64), np.int32)
-    slot = 0
-    while slot >= 0:
+    while slot >= lowest_slot:
         if child[slot] == 8:
             slot -= 1
             continue
         new = slot  # level of the child
         c = child[slot]
-        if new <= start_level and new > 0:  # on the way to the cell to begin with
-            up = start_level - new
-            c = 4 * ((start[0] >> up) & 1) + 2 * ((start[1] >> up) & 1) + ((start[2] >> up) & 1)
-        child[slot] = 8 if new <= start_level else c + 1
+        child[slot] = 8 if new == 0 else c + 1
         h = 0.5 / (1 << new)
         x0, y0, z0 = np.int64(0), np.int64(0), np.int64(0)
         sx, sy, sz = 0.0, 0.0, 0.0
@@ -247,12 +256,10 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
         k_low = lowest[slot]
         while certain > outs[k_low]:
             k_low += 1
-        emit = new >= start_level and (start_level == 0 or new > start_level)
         while crossing == 0 and k_high > k_low and possible <= ins[k_high - 1]:
             k_high -= 1
-            if emit:
-                n_inside[k_high] += np.int64(1) << (3 * (depth - new))
-            if emit and not count_only:
+            n_inside[k_high] += np.int64(1) << (3 * (depth - new))
+            if not count_only:
                 if n_tiles == tile_log2.shape[0]:
                     tile_ijk = _grown_2d(tile_ijk)
                     tile_log2 = _grown_1d(tile_log2)
@@ -265,14 +272,6 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
                 n_tiles += 1
         if k_low == k_high:
             continue
-        if new == stop_level:
-            if n_pending == pending.shape[0]:
-                pending = _grown_2d(pending)
-            pending[n_pending, 0] = x0
-            pending[n_pending, 1] = y0
-            pending[n_pending, 2] = z0
-            n_pending += 1
-            continue
         while last + (last - first) + 1 > value.shape[0]:
             x = _grown_1d(x)
             y = _grown_1d(y)
@@ -282,6 +281,25 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
             weight = _grown_1d(weight)
         m = _keep_crossing(x, y, z, a_reach, value, weight, first, mid, last, sx, sy, sz, h)
         q = _keep_crossing(x, y, z, a_reach, value, weight, mid, last, m, sx, sy, sz, h)
+        if new == stop_level:
+            if n_pending == pending.shape[0]:
+                pending = _grown_2d(pending)
+            while n_listed + q - last > pending_weights.shape[0]:
+                pending_numbers = _grown_2d(pending_numbers)
+                pending_weights = _grown_1d(pending_weights)
+            row = (x0, y0, z0, n_listed, n_listed + m - last, n_listed + q - last, certain, k_low, k_high)
+            for k in range(9):
+                pending[n_pending, k] = row[k]
+            n_pending += 1
+            for t in range(last, q):
+                pending_numbers[n_listed, 0] = x[t]
+                pending_numbers[n_listed, 1] = y[t]
+                pending_numbers[n_listed, 2] = z[t]
+                pending_numbers[n_listed, 3] = a_reach[t]
+                pending_numbers[n_listed, 4] = value[t]
+                pending_weights[n_listed] = weight[t]
+                n_listed += 1
+            continue
         if new < last_level:
             slot += 1
             begin[slot] = last
@@ -349,7 +367,9 @@ def relaxed_cells(  # type: ignore[no-untyped-def]
         leaf_of[:n_leaves].copy(),
         leaf_inside[:n_leaves].copy(),
         leaf_boundary[:n_leaves].copy(),
-        pending[:n_pending].copy(),
         n_inside,
         n_boundary,
+        pending[:n_pending].copy(),
+        pending_numbers[:n_listed].copy(),
+        pending_weights[:n_listed].copy(),
     )
