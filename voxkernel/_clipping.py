@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from voxkernel.domain import Domain
 from voxkernel.feasibility import Feasibility, find_feasibility
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.predicates import exact_slacks
 
 __all__ = ["is_bounded", "is_cut"]
 
@@ -27,15 +28,17 @@ def is_cut(
     inside: Feasibility,
     vertices: NDArray[np.float64],
 ) -> bool:
-    """Whether a full-dimensional part of the kernel lies beyond one of the planes of the domain."""
+    """Whether a part of the kernel lies beyond one of the planes of the domain."""
     if inside.dimension != unclipped.dimension:
         return True
     outer = HalfSpaces.from_planes(domain.normals, domain.offsets)
-    reach = 1e-9 * halfspaces.scale
+    reach = 1e-9 * halfspaces.scale * max(1.0, float(np.abs(vertices).max()))
     world = halfspaces.to_world(vertices)
     touched = np.flatnonzero((outer.normals @ world.T - outer.offsets[:, None]).max(axis=1) >= -reach)
     for j in touched:
         beyond = halfspaces.with_planes(-domain.normals[j : j + 1], -domain.offsets[j : j + 1])
-        if find_feasibility(beyond).dimension == unclipped.dimension:
+        found = find_feasibility(beyond)
+        # Its point lies in the relative interior: on the plane only if all that is left lies there.
+        if found.point is not None and exact_slacks(beyond, [len(beyond) - 1], found.point)[0] > 0:
             return True
     return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, isqrt, lcm
@@ -43,7 +43,8 @@ def deepest_rational_point(rows: Sequence[Row], dimension: int, *, unit: Fractio
         max((abs(b.numerator).bit_length() + b.denominator.bit_length() for _, b in rows), default=1),
     )
     last = 1 << (2 * (dimension + 2) * (bits + 8))
-    for reach in (unit * 16, unit * 2**40, unit * last):
+    for size in (16, 2**40, 2**120, 2**400, last):
+        reach = unit * min(size, last)
         optimum, leans = _search(rows, dimension, unit, reach)
         if optimum.clearance > 0 or not leans:
             return optimum
@@ -120,7 +121,7 @@ def kernel_of_rows(rows: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
     return []
 
 
-def rank_of(rows: Sequence[Sequence[int]]) -> int:
+def rank_of(rows: Iterable[Sequence[int]]) -> int:
     """Return the rank of integer vectors in 3D."""
     return len(_independent_rows(rows))
 
@@ -163,7 +164,7 @@ def _primitive(a: Sequence[int]) -> tuple[int, int, int]:
     return a[0] // divisor, a[1] // divisor, a[2] // divisor
 
 
-def _independent_rows(rows: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
+def _independent_rows(rows: Iterable[Sequence[int]]) -> list[tuple[int, int, int]]:
     """Pick up to three linearly independent rows."""
     chosen: list[tuple[int, int, int]] = []
     for row in rows:

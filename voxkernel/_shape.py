@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import isqrt
+from math import isqrt, lcm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,22 @@ from voxkernel._solid import (
     relevant_rows,
     rows_reaching,
 )
-from voxkernel._stretched import Stretched, stretched_polyhedron
+from voxkernel._stretched import Stretched, axes_of_cloud, axes_of_corners, stretched_polyhedron
 from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
 
 __all__ = ["Shape", "rational_shape", "solid_shape"]
 
+_UNIT = 2.0**-53
 # Below this share of depth to size, and below this size, floating point alone loses digits.
-_THIN = 1e-5
+_THIN = 1e-4
 _SMALL = 1e-3
-# So few half-spaces are cut exactly, in rationals.
-_FEW = 64
+# Above this depth, in local units, floating point still knows in which directions a kernel is thin.
+_RESOLVED = 1e-13
+# Rounding, as a share of the volume or of the depth, above which exact planes are used instead.
+_ROUNDING = 1e-8
+# So few half-spaces are cut exactly, in rationals; more where floating point cannot tell the directions.
+_FEW, _FEW_UNRESOLVED = 24, 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,25 +63,40 @@ class Shape:
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     """Find corners and faces in floating point; None where rationals must do it."""
     point = inside.local_point
-    if point is None or inside.clearance <= 0.0:
+    if point is None or inside.point is None:
         return None
-    rows, _ = relevant_rows(planes, point, inside.working_set)
-    convex = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
-    if convex is not None:
-        return _float_shape(planes, rows, convex, inside)
+    rows = np.arange(len(planes))
+    is_proven = inside.clearance > 0.0
+    if is_proven:
+        rows, _ = relevant_rows(planes, point, inside.working_set)
+        convex = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
+        if convex is not None:
+            shape = _float_shape(planes, rows, convex, inside)
+            if _is_accurate(shape, convex):
+                return shape
     near = planes.select(rows)
     heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
     rows, near = rows[heads], near.select(heads)
-    solid = polyhedron_around(near, point)
+    solid = polyhedron_around(near, point) if is_proven else None
+    axes = None
     if solid is not None:
         shape = _float_shape(near, rows, solid, inside)
-        if shape.clearance >= _THIN * solid.extent and solid.extent >= _SMALL:
+        if _is_accurate(shape, solid) and solid.extent >= _SMALL:
             return shape
-    if len(near) <= _FEW:
-        return None
-    rough = rough_corners(near, replace(inside, working_set=np.arange(len(near))))
-    stretched = None if rough is None else stretched_polyhedron(near, point, rough)
+        if shape.clearance >= _RESOLVED * max(1.0, solid.extent):
+            axes = axes_of_cloud(near, solid.vertices)
+    if len(near) <= (_FEW if axes is not None else _FEW_UNRESOLVED):
+        return rational_shape(planes, replace(inside, working_set=rows))
+    if axes is None:
+        rough = rough_corners(near, replace(inside, working_set=np.arange(len(near))))
+        axes = None if rough is None else axes_of_corners(rough)
+    stretched = None if axes is None else stretched_polyhedron(near, inside.point, axes)
     return None if stretched is None else _stretched_shape(near, rows, stretched, inside)
+
+
+def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
+    """Whether floating point was enough: no thin kernel, no facet so slender that its plane is blurred."""
+    return shape.clearance >= _THIN * solid.extent and shape.rounding <= _ROUNDING
 
 
 def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tuple[NDArray[np.float64], float]:
@@ -121,7 +141,9 @@ def _float_shape(planes: HalfSpaces, rows: NDArray[np.int64], solid: Polyhedron,
         clearance=clearance,
         corners=[],
         residual=max(0.0, excess),
-        rounding=4.0 * misfit / clearance + 1e-14,
+        rounding=4.0 * misfit / clearance + _UNIT * (solid.extent / clearance) ** 2 + 1e-14
+        if clearance > 0
+        else np.inf,
     )
 
 
@@ -131,14 +153,40 @@ def _stretched_shape(planes: HalfSpaces, rows: NDArray[np.int64], stretched: Str
     centered = replace(stretched.solid, vertices=stretched.round_vertices)
     volume, centroid, inertia, _ = polyhedron_moments(centered)
     basis = stretched.basis
-    factor = abs(float(np.linalg.det(basis)))
+    factor = stretched.factor
+    deepest, clearance = shape.deepest, shape.clearance
+    if _ROUNDING * clearance < float(planes.local_errors[stretched.solid.rows].max()) * (1 + stretched.solid.extent):
+        deepest, clearance = _exact_deepest(planes.select(stretched.solid.rows), shape.vertices)
     return replace(
         shape,
+        deepest=deepest,
+        clearance=clearance,
         volume=volume * factor,
         centroid=stretched.solid.center + basis @ centroid,
         inertia=basis @ inertia @ basis.T * factor,
         rounding=8.0 * stretched.misfit + 1e-13,
     )
+
+
+def _exact_deepest(faces: HalfSpaces, vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Centre and radius of a largest ball between faces, by exact linear programs on a growing working set."""
+    unit = Fraction(faces.scale) * faces.lattice_unit
+    size = Fraction(max(1.0, 2 * float(np.abs(vertices).max())))
+    # Scaled up, so that integers near the lengths of the normals are near enough.
+    planes = [tuple(v << 64 for v in p) for p in faces.integer_planes(range(len(faces)))]
+    lengths = [isqrt(a * a + b * b + c * c) for a, b, c, _ in planes]
+    chosen = list(range(0, len(planes), -(-len(planes) // _FEW)))
+    while True:
+        optimum = deepest_rational_point([(planes[i][:3], Fraction(planes[i][3])) for i in chosen], 3, unit=unit * size)
+        common = lcm(*(v.denominator for v in optimum.point))
+        x, y, z = (int(v * common) for v in optimum.point)
+        slacks = [d * common - a * x - b * y - c * z for a, b, c, d in planes]
+        depths = [Fraction(slack, length) for slack, length in zip(slacks, lengths, strict=True)]
+        least = min(depths[i] for i in chosen)
+        worse = sorted((d, i) for i, d in enumerate(depths) if d < least - abs(least) / (1 << 53))
+        if not worse:
+            return faces.from_lattice(optimum.point), float(min(depths) / common / unit)
+        chosen += [i for _, i in worse[:8]]
 
 
 def rational_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
@@ -154,14 +202,7 @@ def rational_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     rows = [r for r, _ in faces]
     rings = [np.array(f, np.int64) for _, f in faces]
     if inside.dimension == 3:
-        used = planes.integer_planes(rows)
-        optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in used], 3, unit=unit)
-        x, y, z = optimum.point
-        deepest = planes.from_lattice((x, y, z))
-        clearance = min(
-            float((p[3] - p[0] * x - p[1] * y - p[2] * z) / isqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2) / unit)
-            for p in used
-        )
+        deepest, clearance = _exact_deepest(planes.select(np.array(rows)), vertices)
     elif inside.dimension == 2:
         ring = [faces[0][1][0]]
         after = dict((f[0], f[1]) for _, f in faces)

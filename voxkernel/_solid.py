@@ -84,7 +84,7 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     """Read the polyhedron { y : duals . y <= 1, closing . y <= 1 } off one convex hull; None where Qhull gives up."""
     from scipy.spatial import ConvexHull, QhullError
 
-    from voxkernel._loops.polyhedron import dual_faces
+    from voxkernel._loops.polyhedron import consistent_turns, dual_faces
 
     points = np.concatenate([duals, closing])
     try:
@@ -106,9 +106,13 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     unique = ordered[fresh]
     corners = points[hull.simplices]
     turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward = np.einsum("ij,ij->i", turn, equations[:, :3]) > 0
-    start, ring, is_whole = dual_faces(hull.simplices.astype(np.int64), outward, vertex_ids, len(duals))
-    if not is_whole:
+    side = np.einsum("ij,ij->i", turn, equations[:, :3])
+    largest = int(np.abs(side).argmax())
+    simplices = hull.simplices.astype(np.int64)
+    alike, is_connected = consistent_turns(simplices, hull.neighbors.astype(np.int64), largest)
+    outward = alike if side[largest] > 0 else ~alike
+    start, ring, is_whole = dual_faces(simplices, outward, vertex_ids, len(duals))
+    if not (is_connected and is_whole):
         return None
     rows = np.flatnonzero(np.diff(start))
     compact = np.concatenate([start[rows], start[-1:]])

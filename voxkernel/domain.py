@@ -115,7 +115,7 @@ def ball_domain(mesh: TriangleMesh, *, factor: float = BALL_FACTOR) -> Domain:
         Of kind "ball".
     """
     centroid, frame = surface_frame(mesh)
-    used = mesh.vertices[np.unique(mesh.faces)]
+    used = _used_vertices(mesh)
     radius = factor * float(np.sqrt(((used - centroid) ** 2).sum(axis=1).max()))
     unit = _unit_ball()
     normals = unit.normals @ frame
@@ -145,15 +145,23 @@ def hull_domain(mesh: TriangleMesh) -> Domain:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    used = mesh.vertices[np.unique(mesh.faces)]
+    used = _used_vertices(mesh)
     center = used.mean(axis=0)
     try:
-        equations = np.unique(ConvexHull(used - center).equations, axis=0)
-    except QhullError:
+        hull = ConvexHull(used - center)
+    except (QhullError, ValueError):
         raise ValueError(
-            "`domain` must have a volume; got the hull of a surface that lies in one plane"
+            "`domain` must have a volume; got the hull of a surface that lies in one plane, or nearly"
         ) from None
-    return _make("hull", equations[:, :3], equations[:, :3] @ center - equations[:, 3])
+    equations = np.unique(hull.equations, axis=0)  # triangles of one face share theirs
+    normals = np.ascontiguousarray(equations[:, :3])
+    return Domain(
+        kind="hull",
+        normals=read_only(normals),
+        offsets=read_only(normals @ center - equations[:, 3]),
+        vertices=read_only(used[hull.vertices]),
+        volume=float(hull.volume),
+    )
 
 
 def box_domain(mesh: TriangleMesh) -> Domain:
@@ -174,12 +182,10 @@ def box_domain(mesh: TriangleMesh) -> Domain:
     ValueError
         If the box is flat.
     """
-    used = mesh.vertices[np.unique(mesh.faces)]
+    used = _used_vertices(mesh)
     low, high = used.min(axis=0), used.max(axis=0)
     if not (high > low).all():
-        raise ValueError(
-            "`domain` must have a volume; got the bounding box of a surface that lies in one plane"
-        )
+        raise ValueError("`domain` must have a volume; got the bounding box of a surface that lies in one plane")
     return _make("box", np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low]))
 
 
@@ -204,9 +210,13 @@ def planes_domain(normals: ArrayLike, offsets: ArrayLike) -> Domain:
         If the half-spaces bound no finite volume.
     """
     planes = HalfSpaces.from_planes(normals, offsets)
-    return _make(
-        "planes", np.array(normals, dtype=np.float64), np.array(offsets, dtype=np.float64), planes=planes
-    )
+    return _make("planes", np.array(normals, dtype=np.float64), np.array(offsets, dtype=np.float64), planes=planes)
+
+
+def _used_vertices(mesh: TriangleMesh) -> NDArray[np.float64]:
+    used = np.zeros(len(mesh.vertices), np.bool_)
+    used[mesh.faces.ravel()] = True
+    return mesh.vertices[used]
 
 
 def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -228,17 +238,16 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
     """
     origin = mesh.vertices[mesh.faces[0, 0]]
     corners = mesh.vertices[mesh.faces] - origin
-    areas = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     total = areas.sum()
     middles = corners.mean(axis=1)
     mean = areas @ middles / total
     corners = corners - mean
     middles = middles - mean
-    second = 9.0 * np.einsum("i,ij,ik->jk", areas, middles, middles)
+    weighted = areas[:, None]
+    second = 9.0 * (middles * weighted).T @ middles
     for k in range(3):
-        second += np.einsum("i,ij,ik->jk", areas, corners[:, k], corners[:, k])
+        second += (corners[:, k] * weighted).T @ corners[:, k]
     _, vectors = np.linalg.eigh(second / 12.0)
     frame = vectors[:, ::-1].T.copy()
     for row in range(2):
@@ -269,9 +278,7 @@ def _make(
     message = "`domain` must be half-spaces that bound a finite volume; got half-spaces that do not"
     if inside.dimension < 3 or inside.local_point is None:
         raise ValueError(message)
-    rows = np.column_stack(
-        [planes.local_normals, planes.local_normals @ inside.local_point - planes.local_offsets]
-    )
+    rows = np.column_stack([planes.local_normals, planes.local_normals @ inside.local_point - planes.local_offsets])
     box = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, -(2.0**20))])
     try:
         local = HalfspaceIntersection(np.concatenate([rows, box]), np.zeros(3)).intersections

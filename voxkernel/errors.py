@@ -1,10 +1,14 @@
 """The exceptions voxkernel raises on purpose."""
 
-__all__ = ["MeshError", "MeshReadError", "SolverError", "VoxKernelError"]
+__all__ = ["GridReadError", "MeshError", "MeshReadError", "SolverError", "VoxKernelError"]
 
 
 class VoxKernelError(Exception):
     """Base class of every error voxkernel raises on purpose."""
+
+
+class GridReadError(VoxKernelError, OSError):
+    """A .vdb or .npz grid file that is missing, damaged, or not such a file."""
 
 
 class MeshError(VoxKernelError, ValueError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points, read_only
+from voxkernel._exact_program import rank_of
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
@@ -117,6 +118,9 @@ class HalfSpaces:
         if n_kept < n:
             normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
             facet_ids, corners = facet_ids[keep], corners[keep]
+        if bounds_volume:
+            exact = (_triangle_plane(vertices, row, bits)[:3] for row in corners)
+            bounds_volume = _span_space(normals, exact)
         return cls(
             local_normals=read_only(normals),
             local_offsets=read_only(offsets),
@@ -167,8 +171,7 @@ class HalfSpaces:
             weight_array = np.array(weights, dtype=np.float64)
             if weight_array.shape != (n,) or not (np.isfinite(weight_array) & (weight_array >= 0)).all():
                 raise ValueError(f"`weights` must be {n} finite numbers >= 0; got {weights!r}")
-        lengths = np.linalg.norm(rows[:, :3], axis=1)
-        reach = float(np.max(np.abs(rows[:, 3]) / lengths, initial=0.0))
+        reach = float(np.max(np.abs(_unit_rows(rows)[1]), initial=0.0))
         empty = np.empty(0)
         nothing = cls(
             local_normals=np.empty((0, 3)),
@@ -243,12 +246,12 @@ class HalfSpaces:
         return x, y, z
 
     def from_lattice(self, point: Sequence[Fraction | int]) -> NDArray[np.float64]:
-        """Round an exact lattice point to local coordinates."""
+        """Round an exact lattice point to local coordinates; infinite beyond the range of doubles."""
         shift = 1 << self._lattice_bits
         inverse = 1 / Fraction(self.scale)
         return np.array(
             [
-                float((Fraction(v) / shift - Fraction(float(o))) * inverse)
+                _to_float((Fraction(v) / shift - Fraction(float(o))) * inverse)
                 for v, o in zip(point, self.origin, strict=True)
             ]
         )
@@ -352,9 +355,7 @@ class HalfSpaces:
     def _with_rows(
         self, rows: NDArray[np.float64], facet_ids: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> HalfSpaces:
-        lengths = np.linalg.norm(rows[:, :3], axis=1)
-        unit = rows[:, :3] / lengths[:, None]
-        distance = rows[:, 3] / lengths
+        unit, distance = _unit_rows(rows)
         local = (distance - unit @ self.origin) / self.scale
         size = (np.abs(distance) + np.linalg.norm(self.origin)) / self.scale
         errors = _EXPLICIT_ERROR * (1.0 + size)
@@ -396,7 +397,22 @@ def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64
     zero = np.flatnonzero(~normal_array.any(axis=1))
     if zero.size:
         raise ValueError(f"`normals` must not be zero; got a zero normal in row {zero[0]}")
-    return np.column_stack([normal_array, offset_array])
+    rows = np.column_stack([normal_array, offset_array])
+    far = np.flatnonzero(~(np.abs(_unit_rows(rows)[1]) <= _LARGEST))
+    if far.size:
+        raise ValueError(f"`offsets` must be at most 2**200 times the length of their normal; got row {far[0]} beyond")
+    return rows
+
+
+def _unit_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals and distances, scaled by powers of two first, so that no length leaves the range of doubles."""
+    if not len(rows):
+        return np.empty((0, 3)), np.empty(0)
+    _, exponents = np.frexp(np.abs(rows[:, :3]).max(axis=1))
+    with np.errstate(over="ignore"):
+        scaled = rows / np.ldexp(1.0, exponents - 1)[:, None]
+    lengths = np.linalg.norm(scaled[:, :3], axis=1)
+    return scaled[:, :3] / lengths[:, None], scaled[:, 3] / lengths
 
 
 def _power_of_two(value: float) -> float:
@@ -431,6 +447,21 @@ def _bits_of(smallest: float) -> int:
     if smallest == np.inf:
         return 0
     return max(0, 53 - int(np.frexp(smallest)[1]))
+
+
+def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
+    """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
+    for rows in (normals[:: max(1, len(normals) // 64)], normals):
+        if np.linalg.eigvalsh(rows.T @ rows)[0] > 1e-9 * len(rows):
+            return True
+    return rank_of(exact) == 3
+
+
+def _to_float(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else -float("inf")
 
 
 def _to_integer(value: float, bits: int) -> int:

@@ -118,7 +118,8 @@ class KernelPolytope:
         Raises
         ------
         MeshError
-            If the kernel has no faces: it is empty, a point or a segment.
+            If the kernel has no faces: it is empty, a point or a segment, or so small that its
+            corners, rounded, are.
         """
         if not len(self.face_facets):
             raise MeshError(f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}")

@@ -14,6 +14,8 @@ from voxkernel.halfspaces import HalfSpaces
 __all__ = ["exact_slacks", "planes_not_clear", "touched_and_violated"]
 
 _UNIT = 2.0**-53
+# Beyond this no rounded sign is trusted: squares leave the range of doubles.
+_FAR = 2.0**500
 
 
 def exact_slacks(
@@ -32,6 +34,8 @@ def planes_not_clear(halfspaces: HalfSpaces, point: Sequence[Fraction | int]) ->
     from voxkernel._loops.linear_program import plane_signs
 
     local = halfspaces.from_lattice(point)
+    if not np.abs(local).max() < _FAR:
+        return np.arange(len(halfspaces))
     rounding = 2 * _UNIT * float(np.linalg.norm(local)) + 1e-300
     undecided = np.empty(len(halfspaces), np.int64)
     count = plane_signs(
@@ -55,8 +59,8 @@ def touched_and_violated(
     at least one violated plane is returned.
     """
     ids = planes_not_clear(halfspaces, point)
-    if len(ids) > limit:
-        local = halfspaces.from_lattice(point)
+    local = halfspaces.from_lattice(point)
+    if len(ids) > limit and np.abs(local).max() < _FAR:
         slack = halfspaces.local_offsets[ids] - halfspaces.local_normals[ids] @ local
         certain = slack < -(halfspaces.local_errors[ids] * (np.linalg.norm(local) + 1) + 1e-12)
         if certain.any():

@@ -5,6 +5,7 @@ from numba import njit
 
 from voxkernel._loops import NUMBA_CACHE
 from voxkernel._loops.coplanar import orient3d_exact
+from voxkernel._loops.sorting import sort_range
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
@@ -36,21 +37,7 @@ def halfedge_twins(faces, n_vertices):
     for v in range(n_vertices):
         low = start[v]
         high = start[v + 1]
-        if high - low > 64:
-            order = np.argsort(other[low:high])
-            other[low:high] = other[low:high][order]
-            edge[low:high] = edge[low:high][order]
-        else:
-            for j in range(low + 1, high):
-                key = other[j]
-                value = edge[j]
-                p = j - 1
-                while p >= low and other[p] > key:
-                    other[p + 1] = other[p]
-                    edge[p + 1] = edge[p]
-                    p -= 1
-                other[p + 1] = key
-                edge[p + 1] = value
+        sort_range(other, edge, low, high)
         j = low
         while j < high:
             end = j + 1

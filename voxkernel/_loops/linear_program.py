@@ -6,6 +6,7 @@ from numba import njit
 from voxkernel._loops import NUMBA_CACHE
 
 N_BINS = 6 * 8 * 8
+_STALLED = 12
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
@@ -86,6 +87,8 @@ def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point
         for j in range(3):
             basis[j] = 2 * j + 1
         basis[3] = 6
+    stalled = 0
+    lowest = np.inf
     for step in range(max_steps):
         for j in range(4):
             right[j] = 1.0 if j == 3 else 0.0
@@ -104,6 +107,9 @@ def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point
             return -1 - step
         for k in range(4):
             point[k] = solution[k]
+        # Parallel faces leave multipliers zero and t as it is: the lowest numbers first (Bland) cannot cycle.
+        stalled = 0 if point[3] < lowest else stalled + 1
+        lowest = min(lowest, point[3])
         worst = tolerance
         entering = -1
         for k in range(3):
@@ -123,6 +129,8 @@ def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point
             if violation > worst:
                 worst = violation
                 entering = 7 + w
+                if stalled > _STALLED:
+                    break
         if entering < 0:
             return step
         for j in range(4):
@@ -135,9 +143,11 @@ def deepest_point(normals, offsets, rows, n_rows, box, basis, multipliers, point
         leaving = -1
         ratio = np.inf
         for j in range(4):
-            if right[j] > 1e-11 and multipliers[j] / right[j] < ratio:
-                ratio = multipliers[j] / right[j]
-                leaving = j
+            if right[j] > 1e-11:
+                quotient = multipliers[j] / right[j] if multipliers[j] > 1e-13 else 0.0
+                if quotient < ratio or (quotient == ratio and basis[j] < basis[leaving]):
+                    ratio = quotient
+                    leaving = j
         if leaving < 0:
             return -1 - step
         basis[leaving] = entering

@@ -4,6 +4,45 @@ import numpy as np
 from numba import njit
 
 from voxkernel._loops import NUMBA_CACHE
+from voxkernel._loops.sorting import find_in_range, sort_range
+
+
+@njit(cache=NUMBA_CACHE, nogil=True)
+def consistent_turns(simplices, neighbours_of, first):
+    """Tell which triangles of a closed hull turn like triangle `first`, by walking from neighbour to neighbour.
+
+    neighbours_of[i, k] is the triangle across the edge opposite corner k of triangle i. Two neighbours
+    turn alike when they traverse their edge in opposite directions; no coordinate is looked at, so
+    triangles without area are turned as well as any other. Returns (alike, whether all were reached).
+    """
+    m = simplices.shape[0]
+    alike = np.zeros(m, np.bool_)
+    seen = np.zeros(m, np.bool_)
+    stack = np.empty(m, np.int64)
+    stack[0] = first
+    alike[first] = True
+    seen[first] = True
+    n_stack = 1
+    reached = 1
+    while n_stack > 0:
+        n_stack -= 1
+        i = stack[n_stack]
+        for k in range(3):
+            j = neighbours_of[i, k]
+            if j < 0 or seen[j]:
+                continue
+            u = simplices[i, (k + 1) % 3]
+            v = simplices[i, (k + 2) % 3]
+            same = True  # whether j lists the edge as v, u
+            for q in range(3):
+                if simplices[j, q] == u and simplices[j, (q + 1) % 3] == v:
+                    same = False
+            alike[j] = alike[i] == same
+            seen[j] = True
+            stack[n_stack] = j
+            n_stack += 1
+            reached += 1
+    return alike, reached == m
 
 
 @njit(cache=NUMBA_CACHE, nogil=True)
@@ -26,6 +65,8 @@ def dual_faces(simplices, outward, vertex_ids, n_duals):
     first = np.empty(3 * m, np.int64)
     second = np.empty(3 * m, np.int64)
     owner = np.empty(3 * m, np.int64)
+    keys = np.empty(3 * m, np.int64)
+    order = np.empty(3 * m, np.int64)
     for i in range(m):
         for k in range(3):
             p = simplices[i, k]
@@ -47,23 +88,24 @@ def dual_faces(simplices, outward, vertex_ids, n_duals):
         n = high - low
         begin = used
         if n >= 3:
-            order = np.argsort(first[low:high])
-            keys = first[low:high][order]
-            current = 0
+            for j in range(low, high):
+                keys[j] = first[j]
+                order[j] = j
+            sort_range(keys, order, low, high)
+            current = low
             steps = 0
             while steps < n:
-                vertex = vertex_ids[owner[low + current]]
+                vertex = vertex_ids[owner[current]]
                 if used == begin or ring[used - 1] != vertex:
                     ring[used] = vertex
                     used += 1
                 steps += 1
-                target = second[low + current]
-                j = np.searchsorted(keys, target)
-                if j == n or keys[j] != target:
+                j = find_in_range(keys, low, high, second[current])
+                if j < 0:
                     closed = False
                     break
                 current = order[j]
-                if current == 0:
+                if current == low:
                     break
             if steps < n:
                 closed = False
