@@ -114,7 +114,8 @@ def test_bad_usage(folder, capsys):
     assert "3 to 20; got 2" in usage_error(capsys, "kernel", "cube.ply", "--depth", "2")
     assert "above 0; got nan" in usage_error(capsys, "kernel", "cube.ply", "--rtol", "nan")
     assert "not allowed with" in usage_error(capsys, "kernel", "cube.ply", "--depth", "5", "--voxel-size", "1")
-    assert "must end in .ply, .json, .npz, .vdb; got 'k.xyz'" in usage_error(capsys, "kernel", "cube.ply", "-o", "k.xyz")
+    said = usage_error(capsys, "kernel", "cube.ply", "-o", "k.xyz")
+    assert "must end in .ply, .json, .npz, .vdb; got 'k.xyz'" in said
     assert "must end in .png, .html" in usage_error(capsys, "kernel", "cube.ply", "--picture", "k.jpg")
     assert "must not be the mesh itself" in usage_error(capsys, "kernel", "cube.ply", "-o", "cube.ply")
     assert "required: MESH" in usage_error(capsys, "score")
@@ -250,7 +251,8 @@ def test_kernel_npz_has_the_grid_and_info_reads_it(folder, capsys):
     assert err.splitlines()[-1] == "voxkernel: wrote k.npz"
     grid = voxkernel.voxel_kernel("star.ply", depth=6)
     with np.load("k.npz", allow_pickle=False) as arrays:
-        for name in ("tile_ijk", "tile_log2", "leaf_ijk", "leaf_inside", "leaf_boundary", "origin", "voxel_size", "axes"):
+        assert len(arrays.files) == 10
+        for name in set(arrays.files) - {"format", "summary"}:
             np.testing.assert_array_equal(arrays[name], getattr(grid, name))
     code, out, _ = run(capsys, "info", "k.npz", "--json")
     assert code == 0
@@ -271,7 +273,7 @@ def test_kernel_vdb_and_info_reads_it(folder, capsys):
     inside, boundary = json.loads(out)["grids"]
     assert (inside["name"], inside["active_voxel_count"]) == ("inside", grid.inside.active_voxel_count)
     assert (boundary["name"], boundary["active_voxel_count"]) == ("boundary", grid.boundary.active_voxel_count)
-    assert run(capsys, "info", "k.vdb")[1].count("active voxel count") == 2
+    assert run(capsys, "info", "k.vdb")[1].count("Number of active voxels") == 2
 
 
 def test_kernel_grid_as_mesh(folder, capsys):

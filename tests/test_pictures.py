@@ -24,7 +24,7 @@ def orange(pixels):
 
 def red(pixels):
     r, g, b = np.moveaxis(pixels, -1, 0)
-    return int(np.count_nonzero((r > 110) & (r - g > 60) & (r - b > 40) & (abs(g - b) < 45)))
+    return int(np.count_nonzero((r > 110) & (r - g > 60) & (r - b > 40) & (abs(g - b) < 25)))
 
 
 def draw(tmp_path, made, kernel=None, **options):
@@ -78,11 +78,9 @@ def test_empty_kernel_shows_its_witness(tmp_path):
 
 def test_tiny_kernel_gets_a_close_up(tmp_path):
     """A kernel of a thousandth of the size covers a visible part of the picture."""
-    made = shapes.notched_cube(1e-3) if shapes.notched_cube_kernel(1e-3).dimension == 3 else shapes.cube()
     vertices, faces = shapes.cube()
     kernel = exact_kernel((vertices * 1e-3 + 0.5, faces))
     assert orange(draw(tmp_path, shapes.cube(), kernel)) > 500
-    assert draw(tmp_path, made).any()
 
 
 def test_grid_is_drawn(tmp_path):
@@ -156,6 +154,7 @@ def test_captions():
     field = as_mesh(shapes.height_field(n=3))
     assert "inside the ball" in caption_of(field, exact_kernel(field))
     assert caption_of(cube, None) == "12 facets"
+    assert "between" in caption_of(cube, voxel_kernel(cube, depth=3))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda s: s.name)

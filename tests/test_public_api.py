@@ -12,17 +12,22 @@ import voxkernel
 
 # Changing this list changes the public interface: say so in CHANGELOG.md.
 NAMES = [
+    "SparseGrid",
     "TriangleMesh",
     "VoxKernelError",
     "as_mesh",
     "best_center",
     "defect_profile",
     "exact_kernel",
+    "read_vdb",
+    "repair",
+    "spherical_map",
     "starshapeness",
     "violation",
     "violation_grid",
     "visible_fraction",
     "voxel_kernel",
+    "write_vdb",
 ]
 CALLABLES = [name for name in NAMES if name != "VoxKernelError"]
 

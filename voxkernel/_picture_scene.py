@@ -15,9 +15,10 @@ __all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_
 
 SURFACE, KERNEL, WITNESS, LINE = "#7fb0e6", "#ff7a14", "#d3202f", "#2f4460"
 
-# Facet edges are drawn where two facets meet at more than this angle, or everywhere on coarse surfaces.
+# Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
 _SHARP_DEG = 30.0
 _COARSE = 300
+_FLAT = 1.0 - 1e-6
 # Sharp edges that hang together for less than this share of the diagonal are specks, not features.
 _SPECK = 0.3
 
@@ -80,12 +81,20 @@ def caption_of(mesh: TriangleMesh, kernel: Any) -> str:
     """Say verdict, volume and ratio in one line."""
     if kernel is None:
         return f"{mesh.n_facets:,} facets"
+    tolerance = float(getattr(kernel, "tolerance", 0.0))
+    if tolerance > 0.0:
+        low, high = kernel.volume_bounds
+        size = f"volume between {low:.4g} and {high:.4g}" if high else "empty"
+        return f"relaxed kernel: faces all but {_percent(tolerance)} of the area; {size}"
     dimension = int(getattr(kernel, "unclipped_dimension", kernel.dimension))
     if dimension < 0:
         n = len([i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0])
         return "not star-shaped" + (f": no point is on the inner side of all {n} red facets" if n else "")
     if dimension < 3:
         return f"degenerate: the kernel is only a {('point', 'segment', 'flat polygon')[dimension]}"
+    low, high = getattr(kernel, "volume_bounds", (kernel.volume, kernel.volume))
+    if high - low > 1e-4 * high:
+        return f"star-shaped, kernel volume between {low:.4g} and {high:.4g}"
     text = f"star-shaped, kernel volume {kernel.volume:.4g}"
     facts = mesh.facts()
     domain = getattr(kernel, "domain", None)
@@ -101,7 +110,7 @@ def _percent(ratio: float) -> str:
 
 
 def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
-    """Edges worth drawing: the boundary, sharp edges, and on coarse surfaces all edges between facets."""
+    """Edges worth drawing: the boundary, sharp edges, and on coarse surfaces every edge that is not flat."""
     faces = mesh.faces
     ends = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -113,7 +122,7 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
     bend = np.einsum("ij,ij->i", normals[one], normals[other])
     drawn = (counts != 2) | (bend < np.cos(np.radians(_SHARP_DEG)))
     if mesh.n_facets <= _COARSE:
-        drawn |= mesh.facet_ids[one] != mesh.facet_ids[other]
+        drawn |= (mesh.facet_ids[one] != mesh.facet_ids[other]) & (bend < _FLAT)
     chosen = starts[drawn]
     segments = mesh.vertices[ends[chosen]]
     if mesh.n_facets > _COARSE and len(chosen):

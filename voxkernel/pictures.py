@@ -10,9 +10,10 @@ from typing import Any
 from voxkernel._picture_html import Plate, write_html
 from voxkernel._picture_png import write_png
 from voxkernel._picture_scene import caption_of, make_scene
+from voxkernel._picture_sphere import sphere_picture
 from voxkernel.mesh_input import as_mesh
 
-__all__ = ["interactive_page", "surface_picture"]
+__all__ = ["interactive_page", "sphere_picture", "surface_picture"]
 
 
 def surface_picture(

@@ -12,7 +12,7 @@ HELP = "facts of a mesh or of a stored grid"
 DESCRIPTION = (
     "Say what is true of a mesh: closed or open, oriented, boundary loops, degenerate facets, components,\n"
     "area, volume. Of an .npz grid that `voxkernel kernel` wrote: voxels, transform, volume bounds. Of a\n"
-    "`.vdb` file: each grid it holds."
+    ".vdb file: what `vdb_print -l` of OpenVDB says."
 )
 EXAMPLES = ("voxkernel info bust.ply", "voxkernel info bust.ply --json", "voxkernel info kernel.vdb")
 
@@ -26,16 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the facts."""
     suffix = Path(args.path).suffix.lower()
+    if suffix == ".vdb" and not args.json:
+        _print_vdb(args.path)
+        return 0
     facts = {".npz": npz_facts, ".vdb": vdb_facts}.get(suffix, mesh_facts)(args.path)
     document = {"file": args.path, **facts}
     if args.json:
         print_json(document)
-        return 0
-    grids = document.pop("grids", [])
-    print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
-    for grid in grids:
-        print()
-        print_table({name.replace("_", " "): _text(value) for name, value in grid.items()})
+    else:
+        print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
     return 0
 
 
@@ -78,26 +77,37 @@ def npz_facts(path: str) -> dict[str, Any]:
 
 
 def vdb_facts(path: str) -> dict[str, Any]:
-    """Collect the facts of every grid of a .vdb file."""
+    """Collect the facts of a .vdb file and of its grids, in the order of the file."""
+    from voxkernel.cli.vdb_listing import grid_statistics
     from voxkernel.vdb import read_vdb
 
     file = read_vdb(path)
-    return {"skipped": list(file.skipped), "grids": [_grid_facts(grid) for grid in file.grids]}
-
-
-def _grid_facts(grid: Any) -> dict[str, Any]:
-    box = grid.active_bbox
+    grids = [
+        {
+            "name": grid.name,
+            **grid_statistics(grid, kind),
+            "class": grid.grid_class,
+            "origin": grid.origin,
+            "linear": grid.linear,
+            "metadata": entries,
+        }
+        for grid, kind, entries in zip(file.grids, file.value_types, file.entries, strict=True)
+    ]
     return {
-        "name": grid.name,
-        "type": "mask" if grid.is_mask else "float",
-        "active_voxel_count": grid.active_voxel_count,
-        "tiles": grid.tile_count,
-        "leaves": grid.leaf_count,
-        "active_bbox": None if box is None else box.tolist(),
-        "origin": grid.origin.tolist(),
-        "linear": grid.linear.tolist(),
-        "voxel_volume": grid.voxel_volume,
+        "version": file.version,
+        "library_version": list(file.library_version),
+        "metadata": file.metadata,
+        "skipped": list(file.skipped),
+        "grids": grids,
     }
+
+
+def _print_vdb(path: str) -> None:
+    from voxkernel.cli.vdb_listing import listing
+    from voxkernel.vdb import read_vdb
+
+    for line in listing(read_vdb(path)):
+        print(line)
 
 
 def _text(value: Any) -> str:

@@ -22,16 +22,18 @@ HELP = "the kernel of a mesh, exact or as voxels"
 DESCRIPTION = (
     "Compute the kernel of a mesh: the points from which the whole surface can be seen.\n"
     "Without grid options the kernel is exact: .ply is its polygon mesh, .json has everything with the\n"
-    "certificate. With --depth, --voxel-size or --rtol, or for .npz and .vdb, it is a sparse voxel grid\n"
-    "with certain volume bounds. An empty kernel is an answer, not an error."
+    "certificate. With --depth, --voxel-size, --rtol, --tolerance or --margin, or for .npz and .vdb, it is a\n"
+    "sparse voxel grid with certain volume bounds. An empty kernel is an answer, not an error."
 )
 EXAMPLES = (
     "voxkernel kernel bust.ply",
     "voxkernel kernel bust.ply -o kernel.ply --picture kernel.png",
     "voxkernel kernel bust.ply -o kernel.vdb --depth 9",
     "voxkernel kernel face.obj --domain hull -o kernel.json --picture kernel.html",
+    "voxkernel kernel scan.ply --tolerance 0.03 -o kernel.vdb --picture kernel.html",
     "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
 )
+_GRID_OPTIONS = ("depth", "voxel_size", "rtol", "tolerance", "margin", "threads", "frame")
 _NAMES = ("point", "segment", "flat polygon", "solid")
 
 
@@ -49,6 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     step.add_argument("--depth", type=_depth, metavar="N", help="2**N voxels along the root cube, 3 to 20")
     step.add_argument("--voxel-size", type=_positive, metavar="H", help="edge of a voxel, in mesh units")
     step.add_argument("--rtol", type=_positive, metavar="R", help="refine until the volume bounds are this close")
+    relaxed = grid.add_mutually_exclusive_group()
+    relaxed.add_argument(
+        "--tolerance", type=_share, metavar="A", help="share of the surface a kernel point may not face, 0 to 1"
+    )
+    relaxed.add_argument(
+        "--margin", type=_share, metavar="M", help="the same, counted from the smallest share there is"
+    )
+    grid.add_argument("--threads", type=_threads, metavar="N", help="threads for relaxed kernels; 1 by default")
     grid.add_argument(
         "--frame", choices=("world", "principal"), help="axes of the grid: the world's or the surface's own"
     )
@@ -58,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Compute, print, write."""
     output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz", ".vdb"))
     picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
-    options = {name: getattr(args, name) for name in ("depth", "voxel_size", "rtol", "frame")}
+    options = {name: getattr(args, name) for name in _GRID_OPTIONS}
     options = {name: value for name, value in options.items() if value is not None}
     as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
@@ -88,7 +98,9 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import surface_picture
 
         shown = kernel
-        if as_grid and kernel.dimension < 3:  # nothing to see in the grid; the polytope has the proof
+        if (
+            as_grid and kernel.dimension < 3 and not kernel.tolerance
+        ):  # nothing to see in the grid; the polytope has the proof
             from voxkernel.polytope import exact_kernel
 
             shown = exact_kernel(mesh, domain=args.domain)
@@ -144,6 +156,9 @@ def _grid_rows(document: dict[str, Any]) -> dict[str, str]:
         "voxels undecided": f"{document['boundary_voxel_count']:,}",
         "tiles, leaves": f"{document['tiles']:,}, {document['leaves']:,}",
     }
+    if document["tolerance"]:
+        kind = rows.pop("kernel")
+        rows = {"tolerance": number(document["tolerance"], 10), **rows, "exact kernel": kind}
     if document["domain"] is not None:
         rows["domain"] = document["domain"]
     if document["reason"]:
@@ -160,9 +175,11 @@ def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
 
         write_grid_file(kernel, path)
     elif suffix == ".vdb":
+        from voxkernel.cli.kernel_files import vdb_metadata
         from voxkernel.vdb import write_vdb
 
-        write_vdb(path, {"inside": kernel.inside, "boundary": kernel.boundary})
+        about = vdb_metadata(kernel, document["file"])
+        write_vdb(path, {"inside": kernel.inside, "boundary": kernel.boundary}, metadata=about)
     else:
         from voxkernel.cli.kernel_files import write_grid_ply, write_polygon_ply
 
@@ -180,6 +197,12 @@ def _depth(text: str) -> int:
     return value
 
 
+def _threads(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 256:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 1 to 256; got {text}")
+    return int(text)
+
+
 def _positive(text: str) -> float:
     try:
         value = float(text)
@@ -187,4 +210,14 @@ def _positive(text: str) -> float:
         value = 0.0
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a number above 0; got {text}")
+    return value
+
+
+def _share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"must be a number from 0 to 1; got {text}")
     return value

@@ -5,9 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from voxkernel import __version__
+from voxkernel.cli.output import display
 from voxkernel.errors import MeshReadError
 
-__all__ = ["FORMAT", "grid_summary", "read_grid_file", "write_grid_file", "write_grid_ply", "write_polygon_ply"]
+__all__ = [
+    "FORMAT", "grid_summary", "read_grid_file", "vdb_metadata", "write_grid_file", "write_grid_ply",
+    "write_polygon_ply",
+]  # fmt: skip
 
 FORMAT = "voxkernel grid 1"
 
@@ -17,6 +22,7 @@ def grid_summary(grid: Any) -> dict[str, Any]:
     box = grid.active_bbox
     return {
         "depth": grid.depth,
+        "tolerance": grid.tolerance,
         "dimension": grid.dimension,
         "volume": grid.volume,
         "volume_bounds": list(grid.volume_bounds),
@@ -31,6 +37,23 @@ def grid_summary(grid: Any) -> dict[str, Any]:
         "domain": None if grid.domain is None else grid.domain.kind,
         "reason": grid.reason,
     }
+
+
+def vdb_metadata(grid: Any, mesh: str) -> dict[str, Any]:
+    """Give the typed metadata of a .vdb file: what its cells alone do not tell."""
+    entries: dict[str, Any] = {
+        "source": display(Path(mesh).name),
+        "volume_bounds": tuple(float(v) for v in grid.volume_bounds),
+        "alpha": float(grid.tolerance),
+        "depth": int(grid.depth),
+        "dimension": int(grid.dimension),
+        "voxkernel_version": __version__,
+    }
+    if grid.domain is not None:
+        entries["domain"] = grid.domain.kind
+    if grid.reason:
+        entries["reason"] = grid.reason
+    return entries
 
 
 def write_grid_file(grid: Any, path: Path) -> None:
