@@ -219,6 +219,22 @@ def voxel_kernel(
 ) -> tuple[KernelGrid, ...]: ...
 
 
+@overload
+def voxel_kernel(
+    surface: Any,
+    *,
+    depth: int | None = None,
+    voxel_size: float | None = None,
+    rtol: float | None = None,
+    tolerance: float = 0.0,
+    margin: Sequence[float] | NDArray[np.float64],
+    domain: Any = None,
+    frame: Frame = "world",
+    facets: Any = None,
+    threads: int = 1,
+) -> tuple[KernelGrid, ...]: ...
+
+
 def voxel_kernel(
     surface: Any,
     *,
@@ -226,7 +242,7 @@ def voxel_kernel(
     voxel_size: float | None = None,
     rtol: float | None = None,
     tolerance: Any = 0.0,
-    margin: float | None = None,
+    margin: Any = None,
     domain: Any = None,
     frame: Frame = "world",
     facets: Any = None,
@@ -249,9 +265,9 @@ def voxel_kernel(
     tolerance : float or sequence of float
         Share of the surface, by area, that a point may not face: the kernel is `{x : violation(x) <=
         tolerance}`. In [0, 1]; 0 is the exact kernel. Several are found in one traversal.
-    margin : float, optional
+    margin : float or sequence of float, optional
         Instead of `tolerance`: how far it is above the smallest violation there is, `best_center`'s
-        upper bound (found to 1e-4), >= 0.
+        upper bound (found to 1e-4), >= 0. Several are found in one traversal.
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
         Where the kernel is looked for. As for `exact_kernel` when the tolerance is 0. Relaxed kernels of
         closed surfaces would leak outside: they have the convex hull by default, open ones the ball.
@@ -265,8 +281,8 @@ def voxel_kernel(
     Returns
     -------
     KernelGrid, or tuple of KernelGrid
-        Empty when the kernel is empty. A sequence of tolerances gives one grid each, in that order, on
-        the same voxels.
+        Empty when the kernel is empty. A sequence of tolerances or margins gives one grid each, in that
+        order, on the same voxels.
 
     Raises
     ------
@@ -305,34 +321,34 @@ def voxel_kernel(
     if frame not in ("world", "principal"):
         raise ValueError(f"`frame` must be 'world' or 'principal'; got {frame!r}")
     n_threads = as_depth("threads", threads, 1, 256)
-    shares = _shares(tolerance)
-    if margin is not None:
-        if np.ndim(tolerance) or shares != [0.0]:
-            raise ValueError("`margin` must not be given together with `tolerance`; got both")
-        margin = as_nonnegative("margin", margin)
+    shares = _shares("tolerance", tolerance)
+    if max(shares) > 1.0:
+        raise ValueError(f"`tolerance` must be at most 1, the whole surface; got {max(shares):g}")
+    if margin is not None and (np.ndim(tolerance) or shares != [0.0]):
+        raise ValueError("`margin` must not be given together with `tolerance`; got both")
+    margins = None if margin is None else _shares("margin", margin)
     mesh = None if isinstance(surface, HalfSpaces) else as_mesh(surface, facets=facets)
     if mesh is None and frame == "principal":
         raise ValueError("`frame` must be 'world' for half-spaces; got 'principal'")
     axes = np.eye(3) if frame == "world" or mesh is None else surface_frame(mesh)[1]
     step = depth, voxel_size, None if rtol is None else as_positive("rtol", rtol)
-    if margin is None and not np.ndim(tolerance) and shares == [0.0]:
+    if margins is None and not np.ndim(tolerance) and shares == [0.0]:
         return _exact(surface if mesh is None else mesh, facets if mesh is None else None, domain, axes, *step)
     halfspaces, _ = halfspaces_of(surface if mesh is None else mesh, facets if mesh is None else None)
     planes = weigh(halfspaces)
     region = relaxed_domain(planes.is_closed, mesh, domain)
-    if margin is not None:
-        shares = [min(1.0, center_of_planes(planes, mesh, region, _CENTER_GAP).violation_bounds[1] + margin)]
+    if margins is not None:
+        least = center_of_planes(planes, mesh, region, _CENTER_GAP).violation_bounds[1]
+        shares = [min(1.0, least + m) for m in margins]
     grids = _relaxed(planes, region, shares, axes, step, n_threads)
-    return grids if np.ndim(tolerance) else grids[0]
+    return grids if np.ndim(tolerance) or (margin is not None and np.ndim(margin)) else grids[0]
 
 
-def _shares(tolerance: Any) -> list[float]:
-    """Check one tolerance or several."""
-    values = [as_nonnegative("tolerance", v) for v in np.atleast_1d(np.asarray(tolerance, dtype=object)).ravel()]
+def _shares(name: str, given: Any) -> list[float]:
+    """Check one share or several."""
+    values = [as_nonnegative(name, v) for v in np.atleast_1d(np.asarray(given, dtype=object)).ravel()]
     if not values:
-        raise ValueError("`tolerance` must hold at least one number; got none")
-    if max(values) > 1.0:
-        raise ValueError(f"`tolerance` must be at most 1, the whole surface; got {max(values):g}")
+        raise ValueError(f"`{name}` must hold at least one number; got none")
     return values
 
 

@@ -1,0 +1,154 @@
+"""What registration needs to know of one surface: samples, normals, kernel moments, all in its own frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._open3d import open3d
+from voxkernel._surface_samples import spread_samples
+from voxkernel.domain import ball_domain, surface_frame
+from voxkernel.errors import MeshError
+from voxkernel.mesh import TriangleMesh
+from voxkernel.moments import KernelMoments, kernel_moments
+from voxkernel.octree import KernelGrid, voxel_kernel
+from voxkernel.violation import best_center
+
+__all__ = ["PreparedSurface", "Samples", "prepare", "simplified"]
+
+KERNEL_DEPTH = 5
+_CENTER_GAP = 2e-3
+_COARSE_SAMPLES = 800
+_FINE_SAMPLES = 4000
+_MOST_SAMPLES = 20_000
+_FACETS_PER_STEP = 1500
+_MOST_STEPS = 10
+_CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Points on a surface and the outward unit normals there."""
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    n_vertices: int = 0  # the first ones are vertices of the surface
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSurface:
+    """One surface in its own frame: centroid at 0, principal axes as coordinate axes, mesh units.
+
+    `T_world_local` leads back. `facet_normals` are those of the smoothed surface, `kernels` the relaxed
+    kernels of a smoothed and thinned copy, one per margin.
+    """
+
+    mesh: TriangleMesh
+    T_world_local: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    diagonal: float
+    area: float
+    facet_normals: NDArray[np.float64]
+    margins: tuple[float, ...]
+    kernels: tuple[KernelGrid, ...]
+    moments: tuple[KernelMoments, ...]
+    coarse: Samples
+    fine: Samples
+
+
+def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
+    """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
+    centroid, axes = surface_frame(mesh)
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    faces = faces.reshape(mesh.faces.shape).astype(np.int64)
+    vertices = (mesh.vertices[used] - centroid) @ axes.T
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if not (np.isfinite(diagonal) and diagonal > 0):
+        raise MeshError("`surface` must have an extent to be registered; got one that is a single point")
+    T_world_local = np.eye(4)
+    T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
+    smooth = _smoothed(vertices, faces)
+    thin = simplified(smooth, faces, diagonal)
+    kernels = _kernels(thin, margins)
+    return PreparedSurface(
+        mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
+        _unit(_facet_normals(smooth, faces)), margins, kernels,
+        tuple(kernel_moments(k) for k in kernels),
+        _coarse_samples(*thin), _fine_samples(vertices, smooth, faces),
+    )  # fmt: skip
+
+
+def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
+    if not margins:
+        return ()
+    mesh = TriangleMesh.from_triangles(*surface, source="smoothed surface")
+    ball = ball_domain(mesh)
+    least = best_center(mesh, gap=_CENTER_GAP, domain=ball).violation_bounds[1]
+    return voxel_kernel(mesh, depth=KERNEL_DEPTH, tolerance=[min(1.0, least + m) for m in margins], domain=ball)
+
+
+def _legacy(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:
+    library = open3d()
+    return library.geometry.TriangleMesh(
+        library.utility.Vector3dVector(vertices.copy()), library.utility.Vector3iVector(faces.astype(np.int32))
+    )
+
+
+def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Average vertices with their neighbours, more often where the facets are smaller.
+
+    Their number says how small they are; their area does not, because noise makes it grow.
+    """
+    steps = min(_MOST_STEPS, round(len(faces) / _FACETS_PER_STEP))
+    if not steps:
+        return vertices
+    return np.asarray(_legacy(vertices, faces).filter_smooth_simple(steps).vertices).copy()
+
+
+def simplified(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Join the vertices in each cell of a grid, unless little would be left."""
+    thin = _legacy(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
+    triangles = np.asarray(thin.triangles).astype(np.int64)
+    if len(triangles) < min(len(faces), 100):
+        return vertices, faces
+    return np.asarray(thin.vertices).copy(), triangles
+
+
+def _facet_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Area times normal of each triangle, (m, 3)."""
+    corners = vertices[faces]
+    return 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(rows, axis=1)
+    return rows / np.where(length > 0, length, 1.0)[:, None]
+
+
+def _coarse_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Samples:
+    points, owners, _ = spread_samples(vertices, faces, _COARSE_SAMPLES)
+    return Samples(points, _unit(_facet_normals(vertices, faces))[owners])
+
+
+def _fine_samples(
+    vertices: NDArray[np.float64], smooth: NDArray[np.float64], faces: NDArray[np.int64]
+) -> Samples:
+    """Take the vertices with smoothed normals, and points between them where they are few."""
+    vectors = _facet_normals(smooth, faces)
+    at_vertices = np.zeros_like(vertices)
+    for k in range(3):
+        for axis in range(3):
+            at_vertices[:, axis] += np.bincount(faces[:, k], weights=vectors[:, axis], minlength=len(vertices))
+    points, normals = vertices, _unit(at_vertices)
+    if len(vertices) < _FINE_SAMPLES:
+        more, owners, _ = spread_samples(vertices, faces, _FINE_SAMPLES)
+        points, normals = np.concatenate([points, more]), np.concatenate([normals, _unit(vectors)[owners]])
+    step = max(1, len(points) // _MOST_SAMPLES)
+    shown = np.ascontiguousarray(points[::step]), np.ascontiguousarray(normals[::step])
+    return Samples(*shown, n_vertices=min(len(vertices), _MOST_SAMPLES) if step == 1 else 0)

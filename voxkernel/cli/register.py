@@ -1,0 +1,137 @@
+"""`voxkernel register`: the rigid motion that lays one surface on another."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from voxkernel.cli.output import (
+    UsageError,
+    check_output,
+    display,
+    note_first_compilation,
+    number,
+    print_json,
+    print_table,
+    say,
+    to_json,
+)
+
+HELP = "the rigid motion that lays one surface on another"
+DESCRIPTION = (
+    "Register a source surface to a target through their relaxed kernels, from any pose and without a first guess,\n"
+    "then by ICP on the surfaces. The motion maps source points to target points. Exit code 1 when it did not\n"
+    "converge. An ambiguous answer says why."
+)
+EXAMPLES = (
+    "voxkernel register scan.ply reference.ply -o T.json",
+    "voxkernel register scan.ply reference.ply --apply moved.ply --picture before_after.html",
+    "voxkernel register left.ply right.ply --overlap-steps 2 --json",
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("source", metavar="SOURCE", help="the surface to move: .ply .obj .off .stl ...")
+    parser.add_argument("target", metavar="TARGET", help="the surface that stays")
+    parser.add_argument("-o", "--output", metavar="FILE", help="T.json: the motion, its fit and what was tried")
+    parser.add_argument("--apply", metavar="FILE", help="write the moved source: .ply .obj .off .stl")
+    parser.add_argument("--picture", metavar="FILE", help="before and after, with the kernels: .html or .png")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    parser.add_argument(
+        "--margin", type=_share, nargs="+", metavar="M",
+        help="margins of the relaxed kernels, shares of the area; 0.06 0.1 0.15 by default",
+    )  # fmt: skip
+    parser.add_argument(
+        "--refine", choices=("point_to_plane", "point_to_point", "none"), default="point_to_plane",
+        help="ICP on the surfaces; none gives what the kernels say",
+    )  # fmt: skip
+    parser.add_argument("--max-distance", type=_length, metavar="D", help="what the fitness calls near, mesh units")
+    parser.add_argument(
+        "--overlap-steps", type=int, default=0, metavar="N",
+        help="crop both to their overlap and register again, N times; for partial scans",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Register, print, write."""
+    output = None if args.output is None else check_output(args.output, (".json",))
+    moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl"))
+    picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
+    for path in (args.source, args.target):
+        if moved is not None and moved.exists() and Path(path).exists() and moved.samefile(path):
+            raise UsageError(f"output must not be an input; got '{display(moved)}'")
+    note_first_compilation(quiet=args.quiet)
+
+    from voxkernel.registration import prepare_surface, register
+
+    source, target = (prepare_surface(path, margin=args.margin) for path in (args.source, args.target))
+    found = register(
+        source, target, margin=args.margin, refine=args.refine, max_distance=args.max_distance,
+        overlap_steps=args.overlap_steps,
+    )  # fmt: skip
+    document = {"source": args.source, "target": args.target, **found.to_dict()}
+    if output is not None:
+        output.write_text(to_json(document) + "\n", encoding="utf-8")
+        say(f"wrote {display(output)}", quiet=args.quiet)
+    if moved is not None:
+        _moved(source.mesh, found).write(moved)
+        say(f"wrote {display(moved)}", quiet=args.quiet)
+    if picture is not None:
+        from voxkernel._picture_registration import registration_picture
+
+        names = " → ".join(display(Path(p).name) for p in (args.source, args.target))
+        registration_picture(source, target, found, picture, title=names)
+        say(f"wrote {display(picture)}", quiet=args.quiet)
+    if args.json:
+        print_json(document)
+    else:
+        print_table(_rows(args, found))
+    return 0 if found.converged else 1
+
+
+def _moved(mesh: Any, found: Any) -> Any:
+    from dataclasses import replace
+
+    from voxkernel._checks import read_only
+
+    return replace(mesh, vertices=read_only(found.apply(mesh.vertices)), _facts=None, _plane_areas=None)
+
+
+def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    motion = found.T_target_source
+    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    angle = float(np.linalg.norm(turn))
+    axis = turn / angle if angle > 0 else turn
+    rows = {
+        "source": display(args.source),
+        "target": display(args.target),
+        "rotation": f"{number(np.degrees(angle), 8)} degrees about " + "  ".join(number(v, 6) for v in axis),
+        "shift": "  ".join(number(v, 10) for v in motion[:3, 3]),
+        "fitness": f"{number(100 * found.fitness, 5)} % of the source within {number(found.max_distance, 4)}, "
+        f"RMS {number(found.inlier_rmse, 4)}",
+        "margin": number(found.margin, 3) if np.isfinite(found.margin) else "no kernel led to the answer",
+        "converged": "yes" if found.converged else "no",
+        "ambiguous": "yes" if found.ambiguous else "no",
+    }
+    if found.reason:
+        rows["note"] = found.reason
+    return rows
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"must be between 0 and 1; got {text}")
+    return value
+
+
+def _length(text: str) -> float:
+    value = float(text)
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"must be > 0; got {text}")
+    return value
