@@ -1,0 +1,271 @@
+"""Files of polyhedral meshes: folders of cells, .hedra, Medit .mesh, .vtu; order and digits as in the file.
+
+`.mesh` and `.hedra` have parsers of their own and `.vtu` goes through VTK, because meshio 5.3 rounds the
+coordinates of a version 1 `.mesh` to float32, sorts the polyhedra of a `.vtu` by their number of vertices,
+so that cell numbers are lost, and refuses polyhedra beside other cells.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._mesh_files import read_polygons
+from voxkernel._ply import parse_rows, ranges, whole_numbers
+from voxkernel.errors import MeshReadError
+
+__all__ = ["RawCells", "is_cell_folder", "join_cells", "read_cells"]
+
+_CELL_SUFFIXES = (".obj", ".off", ".ply")
+_TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+_HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+_PRISM = ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
+_PYRAMID = ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))
+_VOXEL = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6))
+
+
+def _long_prism(n: int) -> tuple[tuple[int, ...], ...]:
+    sides = ((i, (i + 1) % n, (i + 1) % n + n, i + n) for i in range(n))
+    return (tuple(range(n))[::-1], tuple(range(n, 2 * n)), *sides)
+
+
+_MEDIT = {
+    "tetrahedra": _TETRAHEDRON, "hexahedra": _HEXAHEDRON, "prisms": _PRISM, "wedges": _PRISM, "pyramids": _PYRAMID,
+}  # fmt: skip
+# Files number VTK's wedges (13) either way round: documents say one, VTK's own code the other.
+_VTK = {
+    10: _TETRAHEDRON, 11: _VOXEL, 12: _HEXAHEDRON, 13: _PRISM, 14: _PYRAMID, 15: _long_prism(5), 16: _long_prism(6),
+}  # fmt: skip
+_VTK_POLYHEDRON, _VTK_FLAT = 42, range(10)
+
+
+class RawCells(NamedTuple):
+    """Cells as files hold them: corners of all faces in a row, face sizes, faces of all cells, cell sizes."""
+
+    vertices: NDArray[np.float64]
+    flat: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    cell_faces: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    problems: list[str]
+    is_unoriented: bool
+
+
+def read_cells(path: Path) -> RawCells:
+    """Read by the kind of path; every failure is a MeshReadError of one line that names it."""
+    if not path.exists():
+        raise MeshReadError(f"`path` must be an existing file or folder; got '{path}'")
+    if path.is_dir():
+        return _read_folder(path)
+    suffix = path.suffix.lower()
+    parsers = {".hedra": _parse_hedra, ".mesh": _parse_medit}
+    if suffix not in (*parsers, ".vtu"):
+        raise MeshReadError(f"`path` must be a folder or end in one of .hedra .mesh .vtu; got '{path}'")
+    try:
+        raw = _read_vtu(path) if suffix == ".vtu" else parsers[suffix](path.read_text("ascii", "replace"))
+        if not len(raw.counts):
+            raise ValueError("it holds no cells with a volume")
+        return raw
+    except OSError as error:
+        raise MeshReadError(f"'{path}' cannot be read: {error.strerror or error}") from error
+    except (ValueError, IndexError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:300]
+        raise MeshReadError(f"'{path}' is not a readable {suffix} file: {reason}") from error
+
+
+# ---------------------------------------------------------------- folders
+
+
+def _cell_files(folder: Path) -> list[Path]:
+    """Surface files directly in a folder, in the order of the numbers in their names."""
+    files = [f for f in folder.iterdir() if f.suffix.lower() in _CELL_SUFFIXES and f.is_file()]
+
+    def key(file: Path) -> list[tuple[int, str]]:
+        return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d+)", file.name)]
+
+    return sorted(files, key=key)
+
+
+def is_cell_folder(folder: Path) -> bool:
+    """Whether the surface files of a folder are numbered without a gap from 0 or 1."""
+    names = [file.stem for file in _cell_files(folder)]
+    if not names or not all(name.isdecimal() for name in names):
+        return False
+    first = int(names[0])
+    return first in (0, 1) and [int(name) for name in names] == list(range(first, first + len(names)))
+
+
+def _read_folder(folder: Path) -> RawCells:
+    files = _cell_files(folder)
+    if not files:
+        raise MeshReadError(f"`path` must hold .off, .ply or .obj files, one per cell; got '{folder}' without")
+    cells: list[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]] = []
+    problems: list[str] = []
+    nothing = (np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64))
+    for file in files:
+        problem = ""
+        cell = nothing
+        try:
+            content = read_polygons(file)
+            if (content.flat < 0).any() or (content.flat >= len(content.vertices)).any():
+                problem = f"'{file}' has a face with a vertex number out of range"
+            elif not len(content.sizes):
+                problem = f"'{file}' has no faces"
+            else:
+                cell = (content.vertices, content.flat, content.sizes)
+        except MeshReadError as error:
+            problem = str(error)
+        cells.append(cell)
+        problems.append(problem)
+    return join_cells(cells, problems)
+
+
+def join_cells(
+    cells: Sequence[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]], problems: list[str]
+) -> RawCells:
+    """Put separate cells, each (vertices, flat ids, sizes), into one table without sharing anything."""
+    if not cells:
+        none = np.zeros(0, np.int64)
+        return RawCells(np.zeros((0, 3)), none, none, none, none, [], False)
+    first = np.cumsum([0, *(len(cell[0]) for cell in cells)])
+    flat = np.concatenate([cell[1] + at for cell, at in zip(cells, first[:-1], strict=True)]).astype(np.int64)
+    sizes = np.concatenate([cell[2] for cell in cells])
+    counts = np.array([len(cell[2]) for cell in cells], np.int64)
+    return RawCells(np.concatenate([c[0] for c in cells]), flat, sizes, np.arange(len(sizes)), counts, problems, False)
+
+
+# ---------------------------------------------------------------- files
+
+
+def _parse_hedra(text: str) -> RawCells:
+    """Counts of vertices, faces and cells; then their rows. Faces and cells are (count, 1-based numbers).
+
+    Face numbers of a cell may be negative; files do not agree on what that means, so the sign is not used.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise ValueError("the file is empty")
+    head = [int(word) for word in lines[0].split()]
+    if len(head) != 3 or min(head) < 0:
+        raise ValueError("its first line is not the numbers of vertices, faces and cells")
+    n_vertices, n_faces, n_cells = head
+    if len(lines) < 1 + sum(head):
+        raise ValueError(f"it ends before its {n_vertices} vertices, {n_faces} faces and {n_cells} cells do")
+    middle, end = 1 + n_vertices, 1 + n_vertices + n_faces
+    values, width = parse_rows(lines[1:middle])
+    if (width != 3).any():
+        raise ValueError("a vertex does not have 3 coordinates")
+    flat, sizes = _counted(lines[middle:end], "face")
+    faces, counts = _counted(lines[end : end + n_cells], "cell")
+    if (flat <= 0).any() or (faces == 0).any():
+        raise ValueError("number 0 or a negative vertex (they start at 1)")
+    return RawCells(values.reshape(-1, 3), flat - 1, sizes, np.abs(faces) - 1, counts, [""] * n_cells, True)
+
+
+def _counted(lines: list[str], name: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows that start with the number of what follows."""
+    values, width = parse_rows(lines)
+    starts = np.cumsum(width) - width
+    sizes = whole_numbers(values[starts])
+    if (sizes + 1 != width).any():
+        raise ValueError(f"a {name} does not have as many numbers as it says")
+    return whole_numbers(values[ranges(starts + 1, sizes)]), sizes
+
+
+def _parse_medit(text: str) -> RawCells:
+    """Sections of a keyword, a count and rows of 1-based vertex numbers with a reference; others are passed over."""
+    words = re.sub(r"#[^\r\n]*", "", text).split()
+    if not words or words[0].lower() not in ("meshversionformatted", "meshversionunformatted"):
+        raise ValueError("it does not start with 'MeshVersionFormatted'")
+    vertices = np.zeros((0, 3))
+    parts: list[tuple[NDArray[np.int64], tuple[tuple[int, ...], ...]]] = []
+    at = 0
+    while at < len(words):
+        word = words[at].lower()
+        at += 1
+        if word == "dimension" and int(words[at]) != 3:
+            raise ValueError(f"its dimension is {words[at]}, not 3")
+        corners = _MEDIT.get(word)
+        if word != "vertices" and corners is None:
+            continue
+        n = int(words[at])
+        columns = 4 if corners is None else 2 + max(max(face) for face in corners)
+        body = words[at + 1 : at + 1 + n * columns]
+        if n < 0 or len(body) < n * columns:
+            raise ValueError(f"it ends before its {n} {word} do")
+        table = np.array(body, dtype=np.float64).reshape(n, columns)[:, :-1]
+        at += 1 + n * columns
+        if corners is None:
+            vertices = table
+        else:
+            parts.append((whole_numbers(table) - 1, corners))
+    return _standard_cells(vertices, parts)
+
+
+def _standard_cells(
+    vertices: NDArray[np.float64], parts: Sequence[tuple[NDArray[np.int64], tuple[tuple[int, ...], ...]]]
+) -> RawCells:
+    """Cells of a few kinds, each a table of vertex ids and the faces of the kind; every cell has its own faces."""
+    flats = [np.concatenate([ids[:, list(face)] for face in faces], axis=1).reshape(-1) for ids, faces in parts]
+    sizes = [np.tile([len(face) for face in faces], len(ids)) for ids, faces in parts]
+    counts = [np.full(len(ids), len(faces)) for ids, faces in parts]
+    none = [np.zeros(0, np.int64)]
+    flat, size, count = (np.concatenate(none + list(rows)).astype(np.int64) for rows in (flats, sizes, counts))
+    return RawCells(vertices, flat, size, np.arange(len(size)), count, [""] * len(count), True)
+
+
+def _read_vtu(path: Path) -> RawCells:
+    """Through VTK's reader, cell by cell, so that the cells keep their order."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkIdList, vtkObject
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader: Any = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    warns = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        reader.Update()
+    finally:
+        vtkObject.SetGlobalWarningDisplay(warns)
+    grid: Any = reader.GetOutput()
+    if reader.GetErrorCode() or grid.GetPoints() is None:
+        raise ValueError("VTK cannot read it, or it has no points")
+    points = np.array(vtk_to_numpy(grid.GetPoints().GetData()), dtype=np.float64).reshape(-1, 3)
+    ids: Any = vtkIdList()
+    flat: list[int] = []
+    sizes: list[int] = []
+    counts: list[int] = []
+    for cell in range(grid.GetNumberOfCells()):
+        kind = grid.GetCellType(cell)
+        if kind in _VTK_FLAT:
+            continue
+        if kind == _VTK_POLYHEDRON:
+            grid.GetFaceStream(cell, ids)
+            stream = [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
+            loops = _faces_of_stream(stream)
+        elif kind in _VTK:
+            grid.GetCellPoints(cell, ids)
+            loops = [[ids.GetId(k) for k in face] for face in _VTK[kind]]
+        else:
+            raise ValueError(f"cell {cell} is of VTK type {kind}, which is not a linear cell")
+        sizes += [len(loop) for loop in loops]
+        flat += [v for loop in loops for v in loop]
+        counts.append(len(loops))
+    faces, size = np.array(flat, np.int64), np.array(sizes, np.int64)
+    return RawCells(points, faces, size, np.arange(len(size)), np.array(counts, np.int64), [""] * len(counts), True)
+
+
+def _faces_of_stream(stream: list[int]) -> list[list[int]]:
+    """The faces of VTK's list: their number, then the size and vertices of each."""
+    loops: list[list[int]] = []
+    at = 1
+    for _ in range(stream[0]):
+        loops.append(stream[at + 1 : at + 1 + stream[at]])
+        at += 1 + stream[at]
+    return loops
