@@ -1,0 +1,300 @@
+"""Workers that crash, hang or run out of memory, clients that are killed: what a run loses, which is nothing finished.
+
+Instead of meshes that trip a reader, `naughty` reads the name of a file and does what it says.
+"""
+
+import ctypes
+import multiprocessing
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import voxkernel
+from voxkernel import _rows
+from voxkernel._evaluate_analysis import Analysis
+from voxkernel.evaluate import EvaluateSettings, evaluate, run_evaluation
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+
+HERE = Path(__file__).resolve().parent
+
+
+def naughty(path, settings, *, name, view=False):
+    """Stand in for `analyse`, in a worker."""
+    word = Path(path).stem.partition("-")[2]
+    if word == "segfault":
+        ctypes.string_at(0)
+    elif word == "hang":  # holds the interpreter's lock
+        ctypes.PyDLL(None).sleep(1000)
+    elif word == "pause":
+        time.sleep(1000)
+    elif word == "memory":
+        np.ones(10**10)
+    elif word == "raises":
+        raise RuntimeError("oh\nno")
+    elif word == "exit":
+        os._exit(7)
+    elif word == "once" and not Path(path + ".mark").exists():
+        Path(path + ".mark").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif word == "grows":  # past the limit at which allocations fail, to the nanny's
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (resource.RLIM_INFINITY,) * 2)
+        kept = []
+        for _ in range(60):
+            kept.append(np.ones(5 * 10**6))
+            time.sleep(0.05)
+    elif word == "slow":
+        time.sleep(0.05)
+    return Analysis(({"verdict": "star-shaped", "ratio": float(Path(path).stem.partition("-")[0])},))
+
+
+def files(folder, n, *words, every="good"):
+    folder.mkdir()
+    for k in range(n):
+        (folder / f"{k:03}-{every}.ply").write_text(f"{k}")
+    for k, word in enumerate(words):
+        (folder / f"{n // 2:03}.{k}-{word}.ply").write_text(word)
+    return folder
+
+
+def evaluated(folder, run, progress=None, **options):
+    settings = EvaluateSettings(**{"workers": 2, **options})
+    return run_evaluation([folder], str(run), settings, None, progress, naughty)
+
+
+def failures(result):
+    rows = result.table().to_pylist()
+    return {Path(r["file"]).stem.partition("-")[2]: r["reason"] for r in rows if r["status"] == "failed"}
+
+
+def test_each_costs_its_own_row_only(tmp_path):
+    folder = files(tmp_path / "in", 60, "segfault", "hang", "memory", "raises", "exit", "once")
+    result = evaluated(folder, tmp_path / "run", timeout=2.0, memory_limit="2GB")
+    assert (result.n_ok, result.n_failed) == (61, 5)
+    reasons = failures(result)
+    assert reasons["segfault"] == "its worker process was killed by SIGSEGV, 2 times"
+    assert reasons["hang"] == "took longer than 2 s: its worker was killed"
+    assert reasons["memory"].startswith("out of memory: Unable to allocate")
+    assert reasons["raises"] == "RuntimeError: oh no"
+    assert reasons["exit"] == "its worker process ended with exit code 7, 2 times"
+    assert all(len(r["content_hash"]) == 64 for r in result.table().to_pylist())
+
+    # What failed is not tried again unless asked for, even though workers died of it.
+    begin = time.monotonic()
+    assert evaluated(folder, tmp_path / "run", timeout=2.0).n_reused == 66
+    assert time.monotonic() - begin < 1.5
+
+
+def test_worker_killed_from_outside_costs_nothing(tmp_path):
+    folder = files(tmp_path / "in", 60, every="slow")
+    killed = []
+
+    def kill_one(state):
+        workers = multiprocessing.active_children()
+        if state.done >= 10 * (len(killed) + 1) and len(killed) < 2 and workers:
+            killed.append(workers[len(killed) % len(workers)].pid)
+            os.kill(killed[-1], signal.SIGKILL)
+
+    result = evaluated(folder, tmp_path / "run", kill_one)
+    assert len(killed) == 2
+    assert (result.n_ok, result.n_failed, result.n_rows) == (60, 0, 60)
+
+
+def test_progress_counts_what_is_on_disk(tmp_path):
+    folder, run = files(tmp_path / "in", 50, every="slow"), tmp_path / "run"
+    wrong = []
+
+    def look(state):
+        on_disk = _rows.read_rows(str(run)).num_rows
+        if on_disk < state.done:
+            wrong.append((on_disk, state.done))
+
+    evaluated(folder, run, look, workers=1)
+    assert not wrong
+
+
+def test_real_scheduler(tmp_path):
+    from distributed import LocalCluster
+
+    folder = files(tmp_path / "in", 20, "segfault", "hang")
+    nothing = {"dashboard_address": None, "silence_logs": 60, "local_directory": str(tmp_path)}
+    nothing["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **nothing) as cluster:
+        options = {"scheduler": cluster.scheduler_address, "timeout": 2.0}
+        result = evaluated(folder, tmp_path / "run", **options)
+        assert failures(result).keys() == {"segfault", "hang"}
+        assert failures(result)["segfault"] == "its worker was lost 2 times"
+        assert failures(result)["hang"] == "took longer than 2 s: its worker was killed"
+        assert result.n_ok == 20
+
+
+def test_what_cannot_be_sent_is_an_error(tmp_path):
+    folder = files(tmp_path / "in", 3)
+    lock = multiprocessing.Lock()
+    with pytest.raises(Exception, match=r"(?i)pickle|serializ|inheritance"):
+        run_evaluation([folder], str(tmp_path / "run"), EvaluateSettings(workers=1), None, None, lambda: lock)
+
+
+@pytest.mark.slow
+def test_memory_that_the_system_does_not_limit(tmp_path):
+    folder = files(tmp_path / "in", 3, "grows")
+    result = evaluated(folder, tmp_path / "run", workers=1, memory_limit="600MB")
+    assert failures(result) == {"grows": "out of memory: its worker was killed at the limit of 600MB"}
+
+
+@pytest.mark.slow
+def test_ten_thousand_meshes_with_one_per_cent_broken(tmp_path, rng):
+    """Exactly the broken ones are reported, each with its reason."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    tetrahedron = "OFF\n4 4 0\n0 0 0\n{0} 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    spoil = (
+        lambda text: text[: len(text) // 2],
+        lambda text: "",
+        lambda text: text.replace("0 1 0", "0 nan 0"),
+        lambda text: text.replace("3 1 2 3", "3 1 2 9"),
+        lambda text: "no mesh",
+    )
+    broken = set(rng.choice(10_000, 100, replace=False).tolist())
+    for k in range(10_000):
+        text = tetrahedron.format(1 + k / 8)
+        (folder / f"{k:05}.off").write_text(spoil[k % 5](text) if k in broken else text)
+    result = evaluate(folder, output=tmp_path / "run", settings=EvaluateSettings(workers=2))
+    assert (result.n_rows, result.n_ok, result.n_failed) == (10_000, 9_900, 100)
+    table = result.table().to_pylist()
+    assert {int(Path(row["file"]).stem) for row in table if row["status"] == "failed"} == broken
+    assert all(row["reason"] for row in table if row["status"] == "failed")
+    assert all(row["volume"] == pytest.approx((1 + k / 8) / 6) for k, row in enumerate(table) if k not in broken)
+    assert evaluate(folder, output=tmp_path / "run", settings=EvaluateSettings(workers=2)).n_reused == 10_000
+
+
+# ---------------------------------------------------------------- the client ends
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from test_evaluate_crash import evaluated
+if __name__ == "__main__":
+    result = evaluated(Path(sys.argv[1]), sys.argv[2], timeout=20.0)
+    print(result.n_ok, result.n_failed, result.n_reused)
+"""
+
+
+def client(script, *words, **options):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(voxkernel.__file__).parents[1]), str(HERE)])}
+    command = [sys.executable, str(script), *map(str, words)]
+    return subprocess.Popen(
+        command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
+    )
+
+
+def stored(run):
+    return {row["file"]: row for row in _rows.read_rows(str(run)).to_pylist()} if Path(run, "rows").exists() else {}
+
+
+def wait_for_rows(run, n, process, seconds=60.0):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and process.poll() is None:
+        if len(stored(run)) >= n:
+            return
+        time.sleep(0.02)
+
+
+def comparable(rows):
+    return {f: {k: v for k, v in r.items() if k not in ("finished", "seconds")} for f, r in rows.items()}
+
+
+def is_alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_client_killed_at_random_times(tmp_path):
+    import psutil
+
+    folder, run = files(tmp_path / "in", 80, "raises", every="slow"), tmp_path / "run"
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    dice = random.Random(int(os.environ.get("VOXKERNEL_SEED", "0")))
+    kept, children = {}, []
+    for _ in range(3):
+        process = client(script, folder, run)
+        wait_for_rows(run, min(len(kept) + 1, 81), process)
+        time.sleep(dice.uniform(0.0, 0.6))
+        found = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+        children += [child.pid for child in found]
+        before = stored(run)
+        process.kill()
+        process.communicate()
+        now = stored(run)
+        assert kept.items() <= now.items()
+        assert before.items() <= now.items()
+        kept = now
+    assert 0 < len(kept) < 81
+    process = client(script, folder, run)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    n_reused = int(out.split()[2])
+    assert n_reused == len(kept)
+    final = stored(run)
+    assert kept.items() <= final.items()
+    whole = evaluated(folder, tmp_path / "whole", timeout=20.0)
+    assert (whole.n_ok, whole.n_failed) == (80, 1)
+    assert comparable(final) == comparable(stored(tmp_path / "whole"))
+    end = time.monotonic() + 20
+    while any(map(is_alive, children)) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not any(map(is_alive, children)), "worker processes outlived their client"
+
+
+COMMAND = """
+import sys
+import voxkernel.evaluate
+from voxkernel.cli import main as cli
+import test_evaluate_crash
+if __name__ == "__main__":
+    if "evaluate" not in cli.COMMANDS:
+        cli.COMMANDS = (*cli.COMMANDS, "evaluate")
+    sys.modules["voxkernel.evaluate"].analyse = test_evaluate_crash.naughty
+    sys.exit(cli.main(sys.argv[1:]))
+"""
+
+
+def test_ctrl_c(tmp_path):
+    folder, run = files(tmp_path / "in", 400, every="slow"), tmp_path / "run"
+    script = tmp_path / "script.py"
+    script.write_text(COMMAND)
+    process = client(script, "evaluate", folder, "-o", run, "--workers", 2)
+    wait_for_rows(run, 5, process)
+    os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all of the group
+    begin = time.monotonic()
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert time.monotonic() - begin < 15
+    assert out == ""
+    assert "voxkernel: error: interrupted" in err
+    assert "Traceback" not in err
+    n = len(stored(run))
+    assert 5 <= n < 400
+    assert all(row["status"] == "ok" for row in stored(run).values())
+
+
+def test_script_without_guard_is_told(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.replace('__name__ == "__main__"', "True"))
+    process = client(script, files(tmp_path / "in", 3), tmp_path / "run")
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert err.splitlines()[-1].startswith("voxkernel.errors.SolverError: worker processes did not start")
+    assert """under `if __name__ == "__main__":`""" in err.splitlines()[-1]

@@ -1,0 +1,212 @@
+"""From paths, folders, globs and URLs to a list of meshes: names, labels, content."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import posixpath
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from voxkernel.errors import MeshReadError
+
+__all__ = ["BadInput", "Item", "Labels", "content_hash", "find_items", "local_copy", "read_labels", "with_data"]
+
+_SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .x3d .x3dv".split())
+_SOLIDS = (".hedra", ".mesh", ".vtu")
+_MAGIC = "*?["
+
+
+class BadInput(ValueError):
+    """Arguments of `evaluate` that cannot be meant, as against trouble with a mesh or a cluster."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One mesh: the name it has in the table, where it is, and its bytes if workers cannot read it."""
+
+    name: str
+    url: str
+    label: str | None = None
+    view: bool = False
+    data: bytes | None = None
+
+    @property
+    def suffix(self) -> str:
+        """Lower-case suffix with the dot."""
+        return posixpath.splitext(self.url)[1].lower()
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """Labels of files: a table by name, or the name of the folder."""
+
+    table: dict[str, str] | None
+
+    def of(self, name: str) -> tuple[str | None, str | None]:
+        """Give the label of a file and the entry of the table it was found by."""
+        if self.table is None:
+            parent = posixpath.basename(posixpath.dirname(name.rstrip("/")))
+            return (parent or None), None
+        base = posixpath.basename(name)
+        for key in (name, posixpath.normpath(name), base, posixpath.splitext(base)[0]):
+            if key in self.table:
+                return self.table[key], key
+        return None, None
+
+
+def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
+    """Read a CSV with columns `file` and `label`, or take "folders"; None stays None."""
+    if labels is None:
+        return None
+    if labels == "folders":
+        return Labels(None)
+    import fsspec
+
+    with fsspec.open(os.fspath(labels), "rt", encoding="utf-8-sig", newline="") as stream:
+        reader = csv.DictReader(stream)
+        if not {"file", "label"} <= set(reader.fieldnames or ()):
+            raise BadInput(f"`labels` must have columns file and label; got {reader.fieldnames} in '{labels}'")
+        return Labels({row["file"].replace(os.sep, "/"): row["label"] for row in reader})
+
+
+def find_items(paths: Iterable[str | os.PathLike[str]]) -> list[Item]:
+    """Find the meshes of files, folders (with all below), globs and fsspec URLs, sorted by name, each once.
+
+    A file that is named is taken whatever it is; of folders and globs only files with a known suffix are.
+    """
+    found: dict[str, str] = {}
+    for path in paths:
+        for name in _expanded(os.fspath(path)):
+            found[_printable(name)] = name
+    return [Item(name, url) for name, url in sorted(found.items())]
+
+
+def _expanded(path: str) -> list[str]:
+    import fsspec
+
+    fs, inner = fsspec.core.url_to_fs(path)
+    if "://" not in path and "::" not in path:
+        return _local(path)
+    if any(c in inner for c in _MAGIC) and not fs.exists(inner):
+        return [fs.unstrip_protocol(n) for n in sorted(fs.glob(inner)) if _known(n)]
+    if fs.isdir(inner):
+        return [fs.unstrip_protocol(n) for n in sorted(fs.find(inner)) if _known(n)]
+    return [path]
+
+
+def _local(path: str) -> list[str]:
+    """Expand a path of this machine; names keep the form they were given in."""
+    import glob
+
+    if any(c in path for c in _MAGIC) and not os.path.exists(path):
+        return [n for m in sorted(glob.glob(path, recursive=True)) for n in _below(m) if os.path.isdir(n) or _known(n)]
+    return _below(path)
+
+
+def _below(path: str) -> list[str]:
+    """A file as it is; a folder of cells as one; another folder as the meshes in it."""
+    if not os.path.isdir(path):
+        return [path]
+    if _is_cells(path):
+        return [path]
+    names: list[str] = []
+    for entry in sorted(os.scandir(path), key=lambda e: e.name):
+        if entry.name.startswith("."):
+            continue
+        if entry.is_dir():
+            names += _below(entry.path)
+        elif _known(entry.name):
+            names.append(entry.path)
+    return names
+
+
+def _known(name: str) -> bool:
+    return posixpath.splitext(name)[1].lower() in _SURFACES + _SOLIDS
+
+
+def _is_cells(folder: str) -> bool:
+    """Whether a folder holds the cells of one polyhedral mesh: its name ends in "cells", theirs are numbers.
+
+    The numbers alone do not tell: many a data set has them.
+    """
+    if not Path(folder).absolute().name.lower().endswith("cells"):
+        return False
+    from voxkernel.polyhedral import is_polyhedral
+
+    return is_polyhedral(folder)
+
+
+def _printable(name: str) -> str:
+    """Name of a file in the table: slashes, and bytes that are no UTF-8 as escapes."""
+    name = name.replace(os.sep, "/")
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def _is_private(url: str) -> bool:
+    """Whether only this process can read it."""
+    return url.startswith("memory://")
+
+
+def with_data(item: Item) -> Item:
+    """Put the bytes of a file only this process can read into its item."""
+    if item.data is not None or not _is_private(item.url):
+        return item
+    return Item(item.name, item.url, item.label, item.view, _read(item.url))
+
+
+def content_hash(item: Item) -> str:
+    """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
+    digest = hashlib.sha256()
+    try:
+        if item.data is None and "://" not in item.url and os.path.isdir(item.url):
+            for name in sorted(os.listdir(item.url)):
+                digest.update(name.encode("utf-8", "surrogateescape") + b"\0")
+                digest.update(hashlib.sha256((Path(item.url) / name).read_bytes()).digest())
+        else:
+            digest.update(_read(item.url) if item.data is None else item.data)
+    except Exception:  # any file system may fail in its own way; the mesh's own reader says how
+        return ""
+    return digest.hexdigest()
+
+
+def _read(url: str) -> bytes:
+    if "://" not in url and "::" not in url:
+        return Path(url).read_bytes()
+    import fsspec
+
+    fs, path = fsspec.core.url_to_fs(url)
+    return bytes(fs.cat_file(path))
+
+
+@contextmanager
+def local_copy(item: Item) -> Generator[tuple[str, str]]:
+    """Give a local path of a mesh and the hash of its content; remote ones are fetched once."""
+    if item.data is None and "://" not in item.url and "::" not in item.url:
+        yield item.url, content_hash(item)
+        return
+    try:
+        data = _read(item.url) if item.data is None else item.data
+    except Exception as error:
+        raise MeshReadError(f"'{item.name}' cannot be read: {error or type(error).__name__}") from error
+    with TemporaryDirectory(prefix="voxkernel-") as folder:
+        file = Path(folder) / f"mesh{item.suffix}"
+        file.write_bytes(data)
+        yield str(file), hashlib.sha256(data).hexdigest()
+
+
+def labelled(items: Sequence[Item], labels: Labels | None, views: int | Any) -> tuple[list[Item], list[str]]:
+    """Give items their labels and views; also the entries of the label table that no file matched."""
+    made: list[Item] = []
+    used: set[str] = set()
+    for k, item in enumerate(items):
+        label, key = (None, None) if labels is None else labels.of(item.name)
+        used |= {key} if key else set()
+        made.append(Item(item.name, item.url, label, views == "all" or k < views, item.data))
+    unmatched = [] if labels is None or labels.table is None else sorted(set(labels.table) - used)
+    return made, unmatched

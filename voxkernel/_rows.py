@@ -1,0 +1,223 @@
+"""The table of an evaluation: its columns, and parts of it on any fsspec file system."""
+
+from __future__ import annotations
+
+import json
+import os
+import posixpath
+import re
+import time
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+__all__ = [
+    "COLUMNS", "open_run", "part_names", "read_parts", "read_rows", "read_settings", "remove_parts", "row_key",
+    "schema", "to_table", "write_bytes", "write_csv", "write_part", "write_settings", "write_table_part",
+]  # fmt: skip
+
+_TEXT = (
+    "file", "label", "status", "reason", "content_hash", "settings_hash", "settings", "versions", "finished",
+    "verdict", "verdict_reason", "reference", "domain", "certificate_kind", "thumbnail", "view",
+)  # fmt: skip
+_INTEGERS = (
+    "cell", "n_vertices", "n_faces", "n_facets", "n_components", "n_boundary_edges", "n_nonmanifold_edges",
+    "n_degenerate", "genus", "dimension",
+)  # fmt: skip
+_BOOLEANS = ("is_closed", "is_oriented", "is_outward", "cut_by_domain", "certificate_verified")
+_LISTS = {"certificate_facets": "int64", "notes": "string", "profile_tolerances": "float64",
+          "profile_shares": "float64", "energies": "float64"}  # fmt: skip
+
+COLUMNS = (
+    "file", "cell", "label", "status", "reason", "verdict", "verdict_reason", "dimension", "ratio", "volume",
+    "volume_lower", "volume_upper", "reference", "reference_volume", "clearance", "domain", "cut_by_domain",
+    "center_x", "center_y", "center_z", "violation_lower", "violation_upper",
+    "star_center_x", "star_center_y", "star_center_z", "profile_tolerances", "profile_shares",
+    "visible_fraction", "visible_lower", "visible_upper", "energies",
+    "inradius", "volume_share", "inradius_over_diameter",
+    "certificate_kind", "certificate_facets", "certificate_verified", "notes",
+    "n_vertices", "n_faces", "n_facets", "n_components", "n_boundary_edges", "n_nonmanifold_edges", "n_degenerate",
+    "genus", "is_closed", "is_oriented", "is_outward", "area", "enclosed_volume", "diagonal",
+    "thumbnail", "view", "seconds", "seconds_read", "seconds_exact", "seconds_relaxed", "seconds_pictures",
+    "finished", "content_hash", "settings_hash", "settings", "versions",
+)  # fmt: skip
+
+
+def schema() -> Any:
+    """Give the Arrow schema of the table: text, int64, bool, float64, and lists of those."""
+    import pyarrow as pa
+
+    def kind(name: str) -> Any:
+        if name in _TEXT:
+            return pa.string()
+        if name in _INTEGERS:
+            return pa.int64()
+        if name in _BOOLEANS:
+            return pa.bool_()
+        if name in _LISTS:
+            return pa.list_(pa.type_for_alias(_LISTS[name]))
+        return pa.float64()
+
+    return pa.schema([pa.field(name, kind(name)) for name in COLUMNS])
+
+
+def to_table(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Make a table of rows; what a row does not have is null."""
+    import pyarrow as pa
+
+    return pa.Table.from_pylist([dict(row) for row in rows], schema=schema())
+
+
+def open_run(run: str) -> tuple[Any, str]:
+    """Give the file system of a run directory or URL and its path there."""
+    import fsspec
+
+    fs, path = fsspec.core.url_to_fs(run)
+    return fs, str(path).rstrip("/") or "/"
+
+
+def row_key(row: Mapping[str, Any]) -> tuple[str, int]:
+    """What makes a row the same row: its file, and its cell (-1 for a surface)."""
+    cell = row.get("cell")
+    return str(row["file"]), -1 if cell is None else int(cell)
+
+
+def write_bytes(fs: Any, path: str, data: bytes) -> None:
+    """Write a file that is there completely or not at all."""
+    fs.makedirs(posixpath.dirname(path), exist_ok=True)
+    if not _is_local(fs):
+        fs.pipe_file(path, data)  # one put: the object appears when it is complete
+        return
+    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")
+    try:
+        with open(hidden, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(hidden, path)
+    except BaseException:
+        if os.path.exists(hidden):
+            os.unlink(hidden)
+        raise
+
+
+def write_part(fs: Any, run_path: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Write rows as a new part of a run, atomically; returns the path of the part."""
+    return write_table_part(fs, run_path, to_table(rows))
+
+
+def write_table_part(fs: Any, run_path: str, table: Any, *, after: str = "") -> str:
+    """Write a table as a new part, whose name sorts behind that of the part `after` even if the clock was set back."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    found = re.match(r"part-(\d+)-", posixpath.basename(after))
+    stamp = max(time.time_ns(), int(found[1]) + 1 if found else 0)
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    path = posixpath.join(run_path, "rows", f"part-{stamp:020d}-{uuid.uuid4().hex[:8]}.parquet")
+    write_bytes(fs, path, sink.getvalue().to_pybytes())
+    return path
+
+
+def part_names(fs: Any, run_path: str) -> list[str]:
+    """List the parts of a run, oldest first."""
+    folder = posixpath.join(run_path, "rows")
+    fs.invalidate_cache()
+    if not fs.exists(folder):
+        return []
+    names = [str(name) for name in fs.ls(folder, detail=False)]
+    return sorted(n for n in names if posixpath.basename(n).startswith("part-") and n.endswith(".parquet"))
+
+
+def read_parts(fs: Any, names: Iterable[str]) -> Any:
+    """Read parts into one table: the latest row of each key, sorted by file and cell.
+
+    A later part counts, whatever it says; a file computed again replaces all rows of its earlier content.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    tables = [_read_table(pq, fs, name) for name in names]
+    empty = schema().empty_table()
+    whole = pa.concat_tables([empty, *tables]).combine_chunks()
+    files = whole.column("file").to_pylist()
+    cells = whole.column("cell").to_pylist()
+    versions = list(zip(whole.column("content_hash").to_pylist(), whole.column("settings_hash").to_pylist(),
+                        whole.column("status").to_pylist(), strict=True))  # fmt: skip
+    current = dict(zip(files, versions, strict=True))
+    latest = {
+        (file, -1 if cell is None else cell): i
+        for i, (file, cell, version) in enumerate(zip(files, cells, versions, strict=True))
+        if current[file] == version
+    }
+    return whole.take(pa.array([latest[key] for key in sorted(latest)], pa.int64()))
+
+
+def _read_table(pq: Any, fs: Any, name: str) -> Any:
+    import pyarrow as pa
+
+    with fs.open(name, "rb") as stream:
+        table = pq.read_table(pa.BufferReader(stream.read()))
+    wanted = schema()
+    columns = [
+        table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
+        for f in wanted
+    ]
+    return pa.Table.from_arrays(columns, schema=wanted)
+
+
+def read_rows(run: str) -> Any:
+    """Read the table of a run directory or URL.
+
+    Returns
+    -------
+    pyarrow.Table
+        Columns of `schema`; the latest row per file and cell, sorted by them.
+    """
+    fs, path = open_run(run)
+    for _ in range(10):
+        try:
+            return read_parts(fs, part_names(fs, path))
+        except FileNotFoundError:  # a run that goes on has just made one part of several
+            time.sleep(0.05)
+    return read_parts(fs, part_names(fs, path))
+
+
+def remove_parts(fs: Any, names: Iterable[str]) -> None:
+    """Delete parts whose rows are in a later one."""
+    for name in names:
+        fs.rm_file(name)
+
+
+def write_settings(fs: Any, run_path: str, settings: Mapping[str, Any]) -> None:
+    """Write `settings.json` of a run."""
+    text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
+    write_bytes(fs, posixpath.join(run_path, "settings.json"), text.encode())
+
+
+def read_settings(run: str) -> dict[str, Any]:
+    """Read `settings.json` of a run; empty where there is none."""
+    fs, path = open_run(run)
+    name = posixpath.join(path, "settings.json")
+    return json.loads(fs.cat_file(name)) if fs.exists(name) else {}
+
+
+def write_csv(fs: Any, run_path: str, table: Any) -> str:
+    """Write the table as `rows.csv`; lists become JSON text."""
+    import csv
+    import io
+
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.column_names)
+    for row in table.to_pylist():
+        writer.writerow([json.dumps(v) if isinstance(v, list) else v for v in row.values()])
+    path = posixpath.join(run_path, "rows.csv")
+    write_bytes(fs, path, text.getvalue().encode("utf-8", "surrogateescape"))
+    return path
+
+
+def _is_local(fs: Any) -> bool:
+    protocol = fs.protocol
+    return "file" in ((protocol,) if isinstance(protocol, str) else protocol)

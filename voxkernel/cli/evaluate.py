@@ -1,0 +1,101 @@
+"""`voxkernel evaluate`: a table with one row per mesh of a data set."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from voxkernel.cli.output import UsageError, display, note_first_compilation, say
+
+HELP = "a table of a whole data set, one row per mesh"
+DESCRIPTION = (
+    "Evaluate meshes, folders with all below them, globs and URLs on several processes: facts, verdict with its\n"
+    "certificate, kernel volume, star centre, defect profile. Rows appear in RUN/rows/*.parquet as work finishes.\n"
+    "A mesh that cannot be read, takes too long or kills its process costs its own row, which says why.\n"
+    "The same command again goes on where an interrupted run stopped."
+)
+EXAMPLES = (
+    "voxkernel evaluate scans/ -o run/",
+    "voxkernel evaluate 'shapes/*.ply' -o run/ --labels labels.csv --thumbnails --views 50 --csv",
+    "voxkernel evaluate shapes/ -o run/ --labels folders --profile --energies 16",
+    "voxkernel evaluate s3://bucket/meshes -o s3://bucket/run --scheduler tcp://10.0.0.1:8786",
+    "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("paths", nargs="+", metavar="PATH", help="meshes, folders, globs, or fsspec URLs (s3://...)")
+    parser.add_argument("-o", "--output", metavar="RUN", required=True, help="directory or URL of the run")
+    row = parser.add_argument_group("what is in a row")
+    row.add_argument("--domain", choices=("ball", "hull", "box"), help="where kernels are looked for")
+    row.add_argument("--depth", type=int, default=6, metavar="D", help="2**D voxels for relaxed kernels; 6 by default")
+    row.add_argument("--tolerances", metavar="A,B", help="shares of the defect profile; 0.01,0.03,0.1 by default")
+    row.add_argument("--profile", action="store_true", help="defect profile for 26 tolerances, 0 to 0.5")
+    row.add_argument("--visible", action="store_true", help="cast rays: how much is visible from the star centre")
+    row.add_argument("--energies", type=int, metavar="L", help="spherical-harmonic energies up to this degree")
+    row.add_argument("--labels", metavar="CSV", help="columns file,label; or the word 'folders'")
+    pictures = parser.add_argument_group("for a report")
+    pictures.add_argument("--thumbnails", action="store_true", help="draw every surface with its kernel")
+    pictures.add_argument(
+        "--views", default="0", metavar="N", help="simplified copies to turn, of the first N, or 'all'"
+    )
+    pictures.add_argument("--csv", action="store_true", help="write RUN/rows.csv as well")
+    engine = parser.add_argument_group("how it runs")
+    engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
+    engine.add_argument("--scheduler", metavar="URL", help="a Dask scheduler to use instead, tcp://host:8786")
+    engine.add_argument(
+        "--timeout", type=float, default=300.0, metavar="S", help="seconds per mesh, 0 for none; 300 by default"
+    )
+    engine.add_argument("--memory-limit", metavar="SIZE", help="memory of one process, such as 4GB")
+    engine.add_argument("--retry-failed", action="store_true", help="try again what failed in an earlier run")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, with progress on stderr."""
+    from voxkernel._evaluate_inputs import BadInput
+    from voxkernel._evaluate_progress import shown
+    from voxkernel.evaluate import evaluate
+
+    settings = _settings(args)
+    note_first_compilation(quiet=args.quiet)
+    try:
+        with shown(quiet=args.quiet) as progress:
+            result = evaluate(args.paths, output=args.output, settings=settings, labels=args.labels, progress=progress)
+    except BadInput as error:
+        raise UsageError(str(error)) from error
+    for name in result.unmatched_labels[:10]:
+        say(f"no mesh for the label of '{display(name)}'", quiet=args.quiet)
+    if len(result.unmatched_labels) > 10:
+        say(f"no mesh for {len(result.unmatched_labels) - 10} more labels", quiet=args.quiet)
+    before = f", {result.n_reused} from an earlier run" if result.n_reused else ""
+    print(f"{display(args.output)}: {result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}")
+    return 1 if result.n_failed else 0
+
+
+def _settings(args: argparse.Namespace) -> Any:
+    """Turn arguments into settings; what cannot be meant is bad usage."""
+    from voxkernel.evaluate import PROFILE_TOLERANCES, EvaluateSettings
+
+    if args.profile and args.tolerances is not None:
+        raise UsageError("--profile and --tolerances must not be given together")
+    options: dict[str, Any] = {}
+    if args.profile:
+        options["tolerances"] = PROFILE_TOLERANCES
+    try:
+        if args.tolerances is not None:
+            options["tolerances"] = [float(v) for v in args.tolerances.split(",")]
+        return EvaluateSettings(
+            domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies,
+            thumbnails=args.thumbnails, views=_views(args.views),
+            timeout=args.timeout or None, memory_limit=args.memory_limit, workers=args.workers,
+            scheduler=args.scheduler, retry_failed=args.retry_failed, csv=args.csv, **options,
+        )  # fmt: skip
+    except (ValueError, TypeError) as error:
+        raise UsageError(str(error)) from error
+
+
+def _views(text: str) -> Any:
+    if text != "all" and not text.isdigit():
+        raise UsageError(f"--views must be a number or 'all'; got '{display(text)}'")
+    return text if text == "all" else int(text)
