@@ -1,0 +1,203 @@
+"use strict";
+(() => {
+const byId = (id) => document.getElementById(id);
+const data = JSON.parse(byId("rows").textContent);
+const shown = data.columns.filter((c) => c.width);
+const column = Object.fromEntries(data.columns.map((c) => [c.key, c]));
+const ROW = 53, SPARE = 8;
+const CSS = { "star-shaped": "star", degenerate: "flat", "not star-shaped": "not", failed: "failed" };
+const has = { view: new Set(data.views), picture: new Set(data.pictures) };
+let pictures = null, order = [], sortKey = "", rising = true;
+
+// ---------------------------------------------------------------- values
+function value(c, i) { const v = c.values[i]; return c.words ? c.words[v] : v; }
+function text(c, i) {
+  const v = value(c, i);
+  if (v === null || v === undefined || v === "") return c.kind === "text" ? "" : "–";
+  if (c.kind === "truth") return v ? "yes" : "no";
+  if (c.kind === "number") return Number.isInteger(v) ? v.toLocaleString("en-US") : String(+v.toPrecision(4));
+  return String(v);
+}
+function rowName(i) { const cell = column.cell && value(column.cell, i); return value(column.file, i) + (cell === null || cell === undefined ? "" : " cell " + cell); }
+function shortName(i) { const name = rowName(i); return name.startsWith(data.folder) ? name.slice(data.folder.length) : name; }
+function picture(i) {
+  if (!has.picture.has(i)) return null;
+  pictures ??= JSON.parse(byId("pictures").textContent);
+  const img = document.createElement("img");
+  img.decoding = "async"; img.alt = ""; img.src = pictures[i];
+  return img;
+}
+function element(tag, css, words) {
+  const e = document.createElement(tag);
+  if (css) e.className = css;
+  if (words !== undefined) e.textContent = words;
+  return e;
+}
+
+// ---------------------------------------------------------------- table: only the rows in sight are elements
+const frame = byId("frame"), body = byId("body"), above = element("tr", "pad"), below = element("tr", "pad");
+const alive = new Map();
+const extra = (data.pictures.length ? 1 : 0) + 1;
+for (const pad of [above, below]) {
+  pad.setAttribute("aria-hidden", "true");
+  const cell = element("td"); cell.colSpan = shown.length + extra; pad.append(cell);
+}
+body.append(above, below);
+function heading(words, width) { const th = element("th"); th.scope = "col"; th.style.width = width; if (words) th.append(element("span", "", words)); return th; }
+const head = byId("head");
+if (data.pictures.length) head.append(heading("Shape", "84px"));
+for (const c of shown) {
+  const th = heading("", c.width), button = element("button", "", c.title);
+  button.type = "button"; button.title = c.hint || "";
+  if (c.kind === "number") th.className = "n";
+  th.dataset.key = c.key; th.setAttribute("aria-sort", "none"); th.append(button); head.append(th);
+  button.addEventListener("click", () => { rising = sortKey === c.key ? !rising : c.kind === "text"; sortKey = c.key; update(); });
+}
+head.append(heading("Look", "104px"));
+byId("table").style.setProperty("--wide", data.wide + "px");
+
+function makeRow(i, place) {
+  const tr = element("tr"); tr.dataset.row = i;
+  if (data.pictures.length) { const td = element("td"), img = picture(i); if (img) td.append(img); tr.append(td); }
+  for (const c of shown) {
+    const td = element("td", c.kind === "number" ? "n" : ""), words = text(c, i);
+    const div = element("div", c.key === "file" ? "name" : c.key === "outcome" ? CSS[words] : "");
+    if (c.key === "outcome") {
+      const why = words === "failed" && column.reason ? value(column.reason, i) : "";
+      div.append(element("span", "dot"), why ? words + ": " + why : words);
+      if (why) td.title = why;
+    }
+    else div.textContent = c.key === "file" ? shortName(i) : words;
+    if (words.length > 22) td.title = words;
+    td.append(div); tr.append(td);
+  }
+  const td = element("td"), button = element("button", "btn tiny", has.view.has(i) ? "3D view" : "Details");
+  button.type = "button"; button.setAttribute("aria-label", button.textContent + " of " + rowName(i));
+  button.addEventListener("click", () => open(i));
+  td.append(button); tr.append(td);
+  return tr;
+}
+function draw(all) {
+  const height = frame.clientHeight || 600;
+  const first = all ? 0 : Math.max(0, Math.min(order.length, Math.floor(frame.scrollTop / ROW)) - SPARE);
+  const last = all ? Math.min(order.length, all) : Math.min(order.length, Math.ceil((frame.scrollTop + height) / ROW) + SPARE);
+  const wanted = new Set(order.slice(first, last));
+  for (const [i, tr] of alive) if (!wanted.has(i)) { tr.remove(); alive.delete(i); }
+  let previous = above;
+  for (let k = first; k < last; k++) {
+    const i = order[k];
+    let tr = alive.get(i);
+    if (!tr) { tr = makeRow(i); alive.set(i, tr); }
+    tr.setAttribute("aria-rowindex", k + 2);
+    if (previous.nextSibling !== tr) previous.after(tr);
+    previous = tr;
+  }
+  above.firstChild.style.height = first * ROW + "px";
+  below.firstChild.style.height = (all ? 0 : (order.length - last) * ROW) + "px";
+}
+let waiting = false;
+function later() { if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; draw(); }); } }
+frame.addEventListener("scroll", later, { passive: true });
+new ResizeObserver(later).observe(frame);
+addEventListener("beforeprint", () => draw(200));
+addEventListener("afterprint", () => draw());
+
+// ---------------------------------------------------------------- filter and sort
+const search = byId("search"), outcome = byId("outcome"), label = byId("label");
+const haystack = new Array(data.n);
+for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "verdict_reason", "notes"].map((k) => column[k] ? value(column[k], i) : "").join(" ").toLowerCase();
+for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
+label.closest("label").hidden = data.labels.length < 2;
+const collator = new Intl.Collator("en", { numeric: true });
+function compare(c) {
+  const sign = rising ? 1 : -1;
+  return (a, b) => {
+    const x = value(c, a), y = value(c, b), noX = x === null || x === "" || x === undefined, noY = y === null || y === "" || y === undefined;
+    if (noX || noY) return noX - noY || a - b;
+    return sign * (c.kind === "text" ? collator.compare(x, y) : x - y) || a - b;
+  };
+}
+function update() {
+  const wanted = search.value.trim().toLowerCase().split(/\s+/).filter(Boolean), kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null;
+  order = [];
+  for (let i = 0; i < data.n; i++) {
+    if (kind && value(column.outcome, i) !== kind) continue;
+    if (own !== null && value(column.label, i) !== own) continue;
+    if (wanted.every((w) => haystack[i].includes(w))) order.push(i);
+  }
+  if (sortKey) order.sort(compare(column[sortKey]));
+  for (const th of head.children) if (th.dataset.key) th.setAttribute("aria-sort", th.dataset.key !== sortKey ? "none" : rising ? "ascending" : "descending");
+  byId("table").setAttribute("aria-rowcount", order.length + 1);
+  byId("count").textContent = order.length.toLocaleString("en-US") + " of " + data.n.toLocaleString("en-US") + " rows";
+  frame.scrollTop = 0;
+  draw();
+}
+search.addEventListener("input", update); outcome.addEventListener("change", update); label.addEventListener("change", update);
+byId("clear").addEventListener("click", () => { search.value = ""; outcome.value = ""; label.selectedIndex = 0; sortKey = ""; update(); });
+for (const tile of document.querySelectorAll(".tile")) tile.addEventListener("click", () => {
+  outcome.value = tile.dataset.outcome; update(); byId("all").scrollIntoView(); outcome.focus({ preventScroll: true });
+});
+byId("csv").addEventListener("click", () => {
+  // A cell that a spreadsheet would run as a formula gets an apostrophe in front.
+  const quote = (s) => { const t = /^[=+\-@\t\r]/.test(s) && Number.isNaN(Number(s)) ? "'" + s : s; return /[",\n\r]/.test(t) ? '"' + t.replaceAll('"', '""') + '"' : t; };
+  const raw = (c, i) => { const v = value(c, i); return v === null || v === undefined ? "" : quote(String(v)); };
+  const lines = [data.columns.map((c) => c.key).join(","), ...order.map((i) => data.columns.map((c) => raw(c, i)).join(","))];
+  const link = element("a"); link.href = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], { type: "text/csv" }));
+  link.download = "rows.csv"; link.click(); setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+});
+
+// ---------------------------------------------------------------- one shape
+const dialog = byId("shape"), canvas = byId("canvas"), opacity = byId("opacity"), toKernel = byId("to-kernel");
+let viewer = null, current = -1;
+function open(i) {
+  current = i;
+  byId("shape-name").textContent = rowName(i); byId("shape-name").title = rowName(i);
+  const facts = byId("facts"); facts.textContent = "";
+  for (const c of data.columns) {
+    const words = text(c, i);
+    if (words === "" || words === "–" || /_[yz]$/.test(c.key)) continue;
+    if (c.key.endsWith("_x")) {
+      const all = ["_x", "_y", "_z"].map((end) => column[c.key.slice(0, -2) + end]).filter(Boolean);
+      facts.append(element("dt", "", c.title), element("dd", "", all.map((own) => text(own, i)).join(", ")));
+      continue;
+    }
+    const dd = element("dd", c.key === "outcome" ? CSS[words] : "");
+    if (c.key === "outcome") dd.append(element("span", "dot"), words); else dd.textContent = words;
+    facts.append(element("dt", "", c.title), dd);
+  }
+  const still = byId("still"); still.textContent = "";
+  const turning = has.view.has(i);
+  byId("turn").hidden = !turning;
+  if (!dialog.open) dialog.showModal();
+  if (turning) show(i); else { const img = picture(i); still.append(img || element("p", "pale", "No picture of this shape is in the report.")); }
+  const at = order.indexOf(i);
+  byId("previous").disabled = at <= 0; byId("next").disabled = at < 0 || at + 1 >= order.length;
+}
+function show(i) {
+  viewer ??= window.makeViewer(canvas);
+  if (!viewer) { byId("turn").hidden = true; byId("still").append(element("p", "pale", "This browser cannot draw in 3D (no WebGL)."), picture(i) || ""); return; }
+  const point = (keys) => { const p = keys.map((k) => column[k] ? value(column[k], i) : null); return p.some((x) => x === null || x === undefined) ? null : p; };
+  toKernel.setAttribute("aria-pressed", "false");
+  const center = point(["center_x", "center_y", "center_z"]) || point(["star_center_x", "star_center_y", "star_center_z"]);
+  const kernel = viewer.show(JSON.parse(byId("view-" + i).textContent), center);
+  byId("relaxed").hidden = !kernel || !(column.violation_upper && value(column.violation_upper, i) > 0);
+  toKernel.disabled = !kernel; toKernel.title = kernel ? "" : "The kernel is empty";
+  canvas.setAttribute("aria-label", "3D view of " + rowName(i) + ": drag or use the arrow keys to turn, + and - to come closer");
+  opacity.dispatchEvent(new Event("input"));
+  canvas.focus();
+}
+byId("previous").addEventListener("click", () => open(order[order.indexOf(current) - 1]));
+byId("next").addEventListener("click", () => open(order[order.indexOf(current) + 1]));
+byId("close").addEventListener("click", () => dialog.close());
+dialog.addEventListener("click", (e) => { if (e.target === dialog) dialog.close(); });
+opacity.addEventListener("input", () => viewer && viewer.opacity(+opacity.value));
+byId("reset").addEventListener("click", () => { toKernel.setAttribute("aria-pressed", "false"); viewer.reset(); });
+toKernel.addEventListener("click", () => { const on = toKernel.getAttribute("aria-pressed") !== "true"; toKernel.setAttribute("aria-pressed", on); viewer.closeUp(on); });
+for (const button of document.querySelectorAll("[data-open]")) {
+  const i = +button.dataset.open, img = picture(i);
+  if (img) button.querySelector(".pic").append(img);
+  button.addEventListener("click", () => open(i));
+}
+update();
+document.documentElement.dataset.ready = "yes";
+})();
