@@ -1,0 +1,279 @@
+"""The scripts of `datasets_tools`: help, exit codes, and the shapes by formula against the library."""
+
+import ast
+import csv
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from voxkernel import as_mesh, best_center, exact_kernel
+
+TOOLS = Path(__file__).resolve().parent.parent / "datasets_tools"
+SCRIPTS = (
+    "check_manifest", "classify", "compare_methods", "make_shapes", "prepare_bu3dfe", "prepare_thingi10k",
+)  # fmt: skip
+PARTS = ("classification", "faulty_shapes", "known_shapes", "shape_families", "shape_formulas", "tool")
+
+
+@pytest.fixture(autouse=True)
+def tools(monkeypatch):
+    """The folder of the scripts on the path, as it is when one of them runs."""
+    monkeypatch.syspath_prepend(str(TOOLS))
+
+
+def _read(path):
+    with path.open(newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+# ---------------------------------------------------------------- every script
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_help_needs_no_library(name):
+    """`-S` hides installed packages: numpy, voxkernel and the rest cannot have been imported."""
+    done = subprocess.run(
+        [sys.executable, "-S", str(TOOLS / f"{name}.py"), "--help"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert "examples:" in done.stdout
+    assert f"{name}.py" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_examples_of_the_help_parse(name, monkeypatch):
+    """Every example line of a script is accepted by its own parser."""
+    import importlib
+    import shlex
+
+    module, tool = importlib.import_module(name), importlib.import_module("tool")
+    parsed = []
+    monkeypatch.setattr(tool, "run", lambda work, args: parsed.append(args) or 0)
+    for line in module.EXAMPLES:
+        command, *argv = shlex.split(line.partition(" #")[0])
+        if command == f"{name}.py":
+            assert module.main(argv) == 0
+    assert parsed
+
+
+@pytest.mark.parametrize(
+    ("name", "argv"),
+    [
+        ("make_shapes", ["{tmp}/shapes", "--families", "spheres"]),
+        ("make_shapes", ["{tmp}/shapes", "--seed", "-1"]),
+        ("make_shapes", ["{tmp}/no/shapes"]),
+        ("prepare_bu3dfe", ["{tmp}/none", "-o", "{tmp}/a.csv"]),
+        ("prepare_bu3dfe", ["{tmp}", "-o", "{tmp}/a.csv", "--expressions", "XX"]),
+        ("prepare_thingi10k", ["-o", "{tmp}/a.csv", "--ids", "one"]),
+        ("check_manifest", ["{tmp}/a.csv", "--columns", "colour"]),
+        ("check_manifest", ["{tmp}/a.csv", "--rtol", "0"]),
+        ("compare_methods", []),
+        ("compare_methods", ["a.ply", "--methods", "magic"]),
+        ("classify", ["{tmp}", "--manifest", "{tmp}/a.csv", "-o", "{tmp}/report.html"]),
+    ],
+)
+def test_bad_usage(name, argv, tmp_path, capsys):
+    import importlib
+
+    assert importlib.import_module(name).main([a.format(tmp=tmp_path) for a in argv]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "argv"),
+    [
+        ("make_shapes", ["shapes", "--count", "0"]),
+        ("prepare_thingi10k", ["-o", "a.csv", "--facets", "many"]),
+        ("prepare_thingi10k", ["-o", "a.csv", "--facets", ":"]),
+        ("compare_methods", ["--repeat", "x"]),
+        ("classify", ["run"]),
+    ],
+)
+def test_arguments_that_do_not_parse(name, argv, capsys):
+    import importlib
+
+    with pytest.raises(SystemExit, match="2"):
+        importlib.import_module(name).main(argv)
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_scripts_import_nothing_private_of_the_library():
+    """Only the public names, and the reader of runs."""
+    for path in (TOOLS / f"{name}.py" for name in (*SCRIPTS, *PARTS)):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("voxkernel._"):
+                assert (path.name, node.module) == ("classify.py", "voxkernel._rows")
+
+
+# ---------------------------------------------------------------- make_shapes: truth by formula, library as the oracle
+
+
+def _families():
+    sys.path.insert(0, str(TOOLS))
+    try:
+        from shape_families import FAMILIES, SERIES
+    finally:
+        sys.path.remove(str(TOOLS))
+    return FAMILIES, SERIES
+
+
+FAMILIES, SERIES = _families()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("facets", [1, 300])
+def test_truth_of_shapes(family, facets):
+    """Dimension and volume of the kernel by formula against `exact_kernel`."""
+    from shape_families import make_shape
+
+    for index in range(12 if family in SERIES else 2 * len(FAMILIES[family])):
+        _, shape = make_shape(family, index, seed=5, facets=facets)
+        kernel = exact_kernel(shape.surface)
+        if shape.dimension is not None:
+            assert kernel.unclipped_dimension == shape.dimension, (family, index)
+            assert kernel.certificate.verify()
+            assert shape.is_star_shaped is (shape.dimension >= 0)
+        if shape.kernel_volume is not None:
+            assert kernel.volume == pytest.approx(shape.kernel_volume, rel=1e-9, abs=0), (family, index)
+        if shape.dimension is not None and shape.dimension >= 0:
+            assert shape.defect == 0
+
+
+@pytest.mark.parametrize("family", ["near-star", "non-star"])
+def test_defect_of_shapes(family):
+    """Smallest violation by construction against the certain bounds of `best_center`."""
+    from shape_families import make_shape
+
+    known = 0
+    for index in range(2 * len(FAMILIES[family])):
+        _, shape = make_shape(family, index, seed=8, facets=60)
+        if shape.defect is None:
+            continue
+        low, high = best_center(shape.surface, relative_gap=1e-3).violation_bounds
+        assert low * (1 - 1e-9) <= shape.defect <= high * (1 + 1e-9), (family, index)
+        assert high - low <= 1.1e-3 * high
+        known += 1
+    assert known >= 4
+
+
+def test_shut_shapes_have_their_defect():
+    """The least violated points are beside two planes almost at one place: only the upper bound is met."""
+    from faulty_shapes import THIN
+
+    shape = THIN["shut"](np.random.default_rng(0), 1)
+    low, high = best_center(shape.surface).violation_bounds
+    assert low <= shape.defect == pytest.approx(high, rel=1e-9)
+
+
+def test_star_shapes_are_not_convex():
+    from shape_families import make_shape
+
+    for index in range(len(FAMILIES["star"])):
+        kind, shape = make_shape("star", index, seed=1, facets=300)
+        mesh = as_mesh(shape.surface)
+        assert mesh.facts().is_closed
+        assert mesh.facts().is_outward
+        assert exact_kernel(mesh).volume < 0.99 * mesh.facts().volume, kind
+
+
+def test_closed_families_are_closed_and_outward():
+    from shape_families import make_shape
+
+    for family in ("convex", "star", "non-star", "near-star", "noise"):
+        for index in range(len(FAMILIES[family])):
+            kind, shape = make_shape(family, index, seed=2, facets=200)
+            facts = as_mesh(shape.surface).facts()
+            assert facts.is_closed, (family, kind)
+            assert facts.is_oriented is (kind != "flipped-bump")
+            assert facts.volume > 0 or kind == "flipped-bump"
+            assert len(facts.degenerate_facets) == 0
+
+
+def test_facets_are_near_the_target():
+    from shape_families import make_shape
+
+    for facets in (500, 3000):
+        for family, kinds in FAMILIES.items():
+            for index in range(len(kinds) if family != "retriangulated" else 0):  # these start with a 16th
+                kind, shape = make_shape(family, index, seed=3, facets=facets)
+                assert 0.3 * facets <= len(shape.surface[1]) <= 3.1 * facets, (family, kind)
+
+
+def test_levels_of_a_series_are_one_surface():
+    """Re-triangulated shapes have one kernel; noise of level 0 is the base, and the base is the same for all."""
+    from shape_families import make_shape
+
+    shapes = [make_shape("retriangulated", index, seed=4, facets=300)[1] for index in range(6)]
+    kernels = [exact_kernel(shape.surface) for shape in shapes]
+    assert len({len(shape.surface[1]) for shape in shapes}) >= 4
+    assert {shape.kernel_volume for shape in shapes} == {shapes[0].kernel_volume}
+    for kernel in kernels:
+        assert kernel.volume == pytest.approx(kernels[0].volume, rel=1e-9)
+    first, second = (make_shape("noise", index, seed=4, facets=300)[1].surface[0] for index in (0, 1))
+    assert 0 < np.abs(first - second).max() < 0.1
+
+
+def test_thin_shapes_are_written_exactly(tmp_path):
+    """Reading a file back gives the doubles, so flat kernels stay flat."""
+    from make_shapes import write_shapes
+
+    rows = write_shapes(tmp_path, families=["thin"], count=12, facets=100)
+    assert {row["dimension"] for row in rows} == {-1, 0, 1, 2, 3}
+    for row in rows:
+        assert exact_kernel(tmp_path / row["file"]).dimension == row["dimension"]
+
+
+def _digests(folder):
+    return {p.relative_to(folder): hashlib.sha256(p.read_bytes()).digest() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_shapes_depend_on_the_seed_alone(tmp_path):
+    from make_shapes import main
+
+    for name, options in {"a": [], "b": [], "seed": ["--seed", "9"], "more": ["--count", "9"]}.items():
+        assert main([str(tmp_path / name), "--count", "7", "--facets", "60", "--quiet", *options]) == 0
+    a, b, other, more = (_digests(tmp_path / name) for name in ("a", "b", "seed", "more"))
+    assert a == b
+    assert a.keys() == other.keys()
+    assert sum(a[name] == other[name] for name in a) == 0
+    del a[Path("manifest.csv")]
+    assert a.items() <= more.items()
+
+
+def test_manifest_and_broken_files(tmp_path, capsys):
+    from make_shapes import BROKEN, main
+
+    from voxkernel import VoxKernelError
+
+    folder = tmp_path / "shapes"
+    assert main([str(folder), "--families", "star,open", "--count", "3", "--facets", "60", "--broken", "6"]) == 0
+    assert capsys.readouterr().out == ""
+    rows = _read(folder / "manifest.csv")
+    assert [row["label"] for row in rows] == ["star"] * 3 + ["open"] * 3 + ["broken"] * 6
+    assert sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.ply")) == sorted(r["file"] for r in rows)
+    assert tuple(row["kind"] for row in rows[6:]) == BROKEN
+    for row in rows[:6]:
+        assert as_mesh(folder / row["file"]).n_facets == int(row["facets"])
+        assert json.loads(row["parameters"])
+        assert row["truth"] == "star-shaped"
+    for row in rows[6:]:
+        with pytest.raises(VoxKernelError):
+            as_mesh(folder / row["file"])
+
+
+def test_list_of_families(capsys):
+    from make_shapes import main
+
+    with pytest.raises(SystemExit, match="0"):
+        main(["--list"])
+    out = capsys.readouterr().out
+    assert all(family in out for family in FAMILIES)
+    assert "stellated-cube" in out
