@@ -20,14 +20,14 @@ ROWS = (
     "halfspaces",
     "convexity", "predicates", "feasibility", "domain", "certificate", "polytope",
     "grid", "grid_export", "violation", "octree", "vdb",
-    "visibility", "measures", "points",
-    "registration", "spherical", "demo_shapes", "pictures",
+    "visibility", "measures", "moments", "points", "polyhedral",
+    "registration", "registration_batch", "spherical", "demo_shapes", "pictures",
     "evaluate", "report",
     "cli",
 )  # fmt: skip
 HEAVY = {
     "open3d", "pymeshlab", "numba", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
-    "dask", "jinja2", "PIL", "matplotlib", "scipy", "libusb_package",
+    "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package",
 }  # fmt: skip
 ONLY_IN = {"open3d": "_open3d"}
 

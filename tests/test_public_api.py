@@ -12,14 +12,22 @@ import voxkernel
 
 # Changing this list changes the public interface: say so in CHANGELOG.md.
 NAMES = [
+    "EvaluateSettings",
     "SparseGrid",
     "TriangleMesh",
     "VoxKernelError",
     "as_mesh",
     "best_center",
+    "cell_kernels",
     "defect_profile",
+    "evaluate",
     "exact_kernel",
+    "kernel_moments",
+    "kernel_points",
+    "read_polyhedral",
     "read_vdb",
+    "register",
+    "register_many",
     "repair",
     "spherical_map",
     "starshapeness",
@@ -27,6 +35,7 @@ NAMES = [
     "violation_grid",
     "visible_fraction",
     "voxel_kernel",
+    "write_report",
     "write_vdb",
 ]
 CALLABLES = [name for name in NAMES if name != "VoxKernelError"]

@@ -176,8 +176,7 @@ def read_vdb(path: str | os.PathLike[str]) -> VdbFile:
     References
     ----------
     .. [1] K. Museth, VDB: High-resolution sparse volumes with dynamic topology, ACM Trans. Graph. 32(3),
-           2013,
-       doi:10.1145/2487228.2487235.
+       2013, doi:10.1145/2487228.2487235.
 
     Examples
     --------
@@ -362,8 +361,7 @@ def write_vdb(
     References
     ----------
     .. [1] K. Museth, VDB: High-resolution sparse volumes with dynamic topology, ACM Trans. Graph. 32(3),
-           2013,
-       doi:10.1145/2487228.2487235.
+       2013, doi:10.1145/2487228.2487235.
 
     Examples
     --------

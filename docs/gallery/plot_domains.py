@@ -8,9 +8,6 @@ no end; it is looked for in a ball about the area centroid, which moves with the
 crop border as a hull would be. Both are convex polytopes that the exact kernel and the octree share.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pyvista
 
@@ -36,8 +33,9 @@ def picture(mesh, domain, share, view, distance, path):
     plotter.add_mesh(polydata(grid.to_mesh()), color="#d9772b")
     text = f"domain: {domain.kind}, kernel at a tolerance of {100 * share:.0f} % of the area"
     plotter.add_text(text, font_size=11, color="#222222", position="upper_left")
-    plotter.camera.focal_point = domain.vertices.mean(axis=0)
-    plotter.camera.position = domain.vertices.mean(axis=0) + distance * np.linalg.norm(edge, axis=1).max() * np.array(view)
+    middle, radius = domain.vertices.mean(axis=0), np.linalg.norm(edge, axis=1).max()
+    plotter.camera.focal_point = middle
+    plotter.camera.position = middle + distance * radius * np.array(view)
     plotter.camera.up = (0, 0, 1)
     plotter.enable_anti_aliasing("ssaa")
     plotter.set_background("white")
@@ -46,8 +44,20 @@ def picture(mesh, domain, share, view, distance, path):
     return grid
 
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+# %%
+# A closed body and its hull
+# --------------------------
 body = voxkernel.as_mesh(comet())
-picture(body, hull_domain(body), 0.16, (0.3, -0.75, 0.6), 3.4, folder / "domain_hull.png")
+print(picture(body, hull_domain(body), 0.16, (0.3, -0.75, 0.6), 3.4, "domain_hull.png"))
+
+# %%
+# An open surface and its ball
+# ----------------------------
 surface = voxkernel.as_mesh(face())
-picture(surface, ball_domain(surface), 0.05, (0.8, -0.5, 0.35), 4.6, folder / "domain_ball.png")
+print(picture(surface, ball_domain(surface), 0.05, (0.8, -0.5, 0.35), 4.6, "domain_ball.png"))
+
+# %%
+# Limits
+# ------
+# A domain cuts: `cut_by_domain` of an exact kernel says whether it did. The verdict of `starshapeness` never depends
+# on it. All domains and their defaults: :doc:`/domains`.

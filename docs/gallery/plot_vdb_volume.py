@@ -2,11 +2,10 @@
 A .vdb file as a volume
 =======================
 
-How much of a surface is turned away from a point, around its kernel: the violation field of an urchin goes to a .vdb file, comes back,
-and is drawn as a volume. Any program that reads OpenVDB draws the same file.
+How much of a surface is turned away from a point, around its kernel: the violation field of an urchin goes to a .vdb
+file, comes back, and is drawn as a volume. Any program that reads OpenVDB draws the same file.
 """
 
-import sys
 import tempfile
 from pathlib import Path
 
@@ -67,4 +66,11 @@ bar = plotter.add_scalar_bar(
 )  # fmt: skip
 bar.SetLookupTable(scale)
 plotter.camera_position = [(4.1, -5.0, 3.4), (0.0, 0.0, -0.12), (0.0, 0.0, 1.0)]
-plotter.show(screenshot=sys.argv[1] if len(sys.argv) > 1 else None)
+plotter.screenshot("vdb_volume.png")
+plotter.close()
+
+# %%
+# Limits
+# ------
+# `violation_grid` is a picture of the field, not a bound: values are float32 at voxel centres. How to open the file
+# in Blender and ParaView: :doc:`/howto/vdb_files`.

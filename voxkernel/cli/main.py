@@ -21,7 +21,7 @@ from voxkernel.errors import VoxKernelError
 
 __all__ = ["COMMANDS", "main"]
 
-COMMANDS = ("kernel", "center", "score", "sphere", "info", "demo")
+COMMANDS = ("kernel", "center", "score", "sphere", "register", "evaluate", "report", "info", "demo")
 _OK, _FAILED, _BAD_USAGE, _INTERRUPTED = 0, 1, 2, 130
 
 

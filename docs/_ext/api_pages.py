@@ -1,0 +1,176 @@
+"""Pages of the reference: one for every name in ``voxkernel.__all__``, and one for every class they lead to."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import re
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import voxkernel
+
+_SKIPPED = ("voxkernel._loops", "voxkernel.cli")
+# Modules a user calls by their full name: every function in their `__all__` is documented as well.
+_NAMED = ("registration", "polyhedral", "pictures", "grid_export", "domain", "demo_shapes", "errors")
+
+
+def public_names() -> dict[str, Any]:
+    """The public names and what they stand for."""
+    return {name: getattr(voxkernel, name) for name in sorted(voxkernel.__all__, key=str.lower)}
+
+
+def result_classes() -> dict[str, type]:
+    """Classes that the public functions and classes take or give back, and those these lead to in turn."""
+    known = _classes()
+    found: dict[str, type] = {}
+    todo = list(public_names().values())
+    while todo:
+        for name in _words_of(todo.pop()):
+            cls = known.get(name)
+            if cls is not None and cls not in found.values() and cls not in public_names().values():
+                found[name] = cls
+                todo.append(cls)
+    return dict(sorted(found.items()))
+
+
+def named_modules() -> dict[str, ModuleType]:
+    """Public modules with functions of their own."""
+    return {name: importlib.import_module(f"voxkernel.{name}") for name in _NAMED}
+
+
+def _classes() -> dict[str, type]:
+    """Every class a module of the library lists in its `__all__`."""
+    found: dict[str, type] = {}
+    for info in pkgutil.walk_packages(voxkernel.__path__, "voxkernel."):
+        if info.name.startswith(_SKIPPED):
+            continue
+        module = importlib.import_module(info.name)
+        for name in getattr(module, "__all__", ()):
+            thing = getattr(module, name)
+            if inspect.isclass(thing) and thing.__module__ == info.name:
+                found[name] = thing
+    return found
+
+
+def _words_of(thing: Any) -> set[str]:
+    """Names in what a function takes and returns; of a class, in its fields, properties and public methods."""
+    texts: list[Any] = []
+    if inspect.isclass(thing):
+        fields = inspect.get_annotations(thing)
+        texts += [text for name, text in fields.items() if not name.startswith("_")]
+        for name, member in vars(thing).items():
+            function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+            if not name.startswith("_") and inspect.isfunction(function):
+                texts.append(function.__annotations__.get("return", ""))
+    else:
+        texts += thing.__annotations__.values()
+    words: set[str] = set()
+    for text in texts:
+        words |= set(re.findall(r"[A-Za-z_]\w*", text if isinstance(text, str) else str(text)))
+        words.add(getattr(text, "__name__", ""))
+    return words
+
+
+def _heading(text: str) -> str:
+    return f"{text}\n{'=' * len(text)}\n"
+
+
+def _summary(thing: Any) -> str:
+    return (inspect.getdoc(thing) or "").strip().split("\n\n")[0].replace("\n", " ")
+
+
+def _page(title: str, target: str, thing: Any) -> str:
+    """One object, as autodoc and numpydoc show it."""
+    if inspect.isclass(thing):
+        kind = "autoexception" if issubclass(thing, BaseException) else "autoclass"
+        members = "" if kind == "autoexception" else "   :members:\n"
+        return f"{_heading(title)}\n.. {kind}:: {target}\n{members}"
+    return f"{_heading(title)}\n.. autofunction:: {target}\n"
+
+
+def _table(rows: dict[str, Any], prefix: str) -> str:
+    lines = [".. list-table::", "   :widths: 30 70", ""]
+    for name, thing in rows.items():
+        lines += [f"   * - :doc:`{name} <{prefix}{name}>`", f"     - {_summary(thing)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _toctree(entries: list[str]) -> str:
+    return ".. toctree::\n   :hidden:\n\n" + "".join(f"   {entry}\n" for entry in entries)
+
+
+def _functions_of(module: ModuleType) -> list[str]:
+    tree = ast.parse(Path(inspect.getfile(module)).read_text(encoding="utf-8"))
+    order = [n.name for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)]
+    listed = [n for n in module.__all__ if not isinstance(getattr(module, n), tuple)]
+    return sorted(listed, key=lambda n: order.index(n) if n in order else -1)
+
+
+def _module_page(name: str, module: ModuleType, documented: set[Any]) -> str:
+    """The functions of one module; what has a page of its own is left to it."""
+    parts = [_heading(f"voxkernel.{name}"), _summary(module), ""]
+    for function in _functions_of(module):
+        thing = getattr(module, function)
+        if thing in documented:
+            continue
+        origin = f"{thing.__module__}.{thing.__qualname__}"
+        kind = "autofunction"
+        if inspect.isclass(thing):
+            kind = "autoexception" if issubclass(thing, BaseException) else "autoclass"
+        parts += [f".. {kind}:: {origin}", ""]
+    return "\n".join(parts)
+
+
+def _index() -> str:
+    names, results, modules = public_names(), result_classes(), named_modules()
+    functions = {n: t for n, t in names.items() if not inspect.isclass(t)}
+    classes = {n: t for n, t in names.items() if inspect.isclass(t)}
+    parts = [
+        _heading("Reference"),
+        "Everything in ``voxkernel.__all__``, and the classes that come back. Positions are float64 in the units of "
+        "the mesh, facets are counter-clockwise seen from outside; see :doc:`/theory/conventions`.\n",
+        ".. rubric:: Functions\n", _table(functions, ""),
+        ".. rubric:: Classes\n", _table(classes, ""),
+        ".. rubric:: What functions take and give back\n", _table(results, "results/"),
+        ".. rubric:: Modules called by their full name\n", _table(modules, "module_"),
+        ":doc:`/api/openvdb_names` puts the names of `SparseGrid` beside those of OpenVDB.\n",
+        _toctree([*names, *(f"results/{n}" for n in results), *(f"module_{n}" for n in modules), "/api/openvdb_names"]),
+    ]  # fmt: skip
+    return "\n".join(parts)
+
+
+def write_pages(folder: Path) -> None:
+    """Write the pages of the reference; unchanged files keep their time, stale ones go."""
+    names, results = public_names(), result_classes()
+    documented = {*names.values(), *results.values()}
+    pages = {n: _page(n, f"voxkernel.{n}", thing) for n, thing in names.items()}
+    # In a folder of their own: `Starshapeness` and `starshapeness` are one file where case does not count.
+    pages |= {f"results/{n}": _page(n, f"{c.__module__}.{n}", c) for n, c in results.items()}
+    pages |= {f"module_{n}": _module_page(n, m, documented) for n, m in named_modules().items()}
+    pages["index"] = _index()
+    (folder / "results").mkdir(parents=True, exist_ok=True)
+    for old in folder.rglob("*.rst"):
+        if old.relative_to(folder).with_suffix("").as_posix() not in pages:
+            old.unlink()
+    for name, text in pages.items():
+        file = folder / f"{name}.rst"
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+
+
+def _on_start(app: Any) -> None:
+    write_pages(Path(app.srcdir) / "made" / "api")
+
+
+def _keep_bars(_app: Any, _what: str, _name: str, _thing: Any, _options: Any, lines: list[str]) -> None:
+    """Docstrings are plain text: `|m|` is a magnitude there, not a substitution."""
+    lines[:] = [line if ">>>" in line else re.sub(r"\|(\w+)\|", r"\\|\1\\|", line) for line in lines]
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for its sources; touch up docstrings."""
+    app.connect("builder-inited", _on_start)
+    app.connect("autodoc-process-docstring", _keep_bars, priority=900)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,73 @@
+"""Make the pictures of ``docs/images`` again: ``python docs/make_images.py [NAME ...]``.
+
+Gallery scripts draw them; they are scaled down to 1100 pixels and 200 colours. Those of real meshes are made where
+``VOXKERNEL_DATA`` names them.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+HERE = Path(__file__).resolve().parent
+WIDTH, COLORS = 1100, 200
+SCRIPTS = {
+    "urchin_kernel": "",
+    "domain_hull": "gallery/plot_domains.py",
+    "domain_ball": "gallery/plot_domains.py",
+    "failed_star": "gallery/plot_failed_star.py",
+    "registration": "gallery/plot_registration.py",
+    "relaxed": "gallery/plot_relaxed.py",
+    "three_centres_2": "gallery_data/plot_real_three_centres.py",
+    "three_centres_3": "gallery_data/plot_real_three_centres.py",
+    "time_against_depth": "gallery/plot_benchmarks.py",
+    "time_against_facets": "gallery/plot_benchmarks.py",
+    "vdb_volume": "gallery/plot_vdb_volume.py",
+}
+
+
+def draw(script: str) -> None:
+    """Run a gallery script in the current folder, or draw the picture of the README."""
+    if script:
+        runpy.run_path(str(HERE / script), run_name="drawn")
+        return
+    import voxkernel
+    from voxkernel.demo_shapes import urchin
+    from voxkernel.pictures import surface_picture
+
+    mesh = urchin()
+    surface_picture(mesh, voxkernel.exact_kernel(mesh), "urchin_kernel.png", title="", size=(1400, 900))
+
+
+def main(names: list[str]) -> int:
+    """Make all pictures, or those named."""
+    wanted = names or list(SCRIPTS)
+    for script in dict.fromkeys(SCRIPTS[name] for name in wanted):
+        if script.startswith("gallery_data") and "VOXKERNEL_DATA" not in os.environ:
+            print(f"{script}: VOXKERNEL_DATA is not set, left out")
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            work = Path(folder) / "images"
+            work.mkdir()
+            (Path(folder) / "benchmarks").symlink_to(HERE / "benchmarks")
+            os.chdir(work)
+            draw(script)
+            for name in wanted:
+                if SCRIPTS[name] != script:
+                    continue
+                with Image.open(work / f"{name}.png") as picture:
+                    small = picture.convert("RGB")
+                small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
+                small.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / "images" / f"{name}.png", optimize=True)
+                print(f"images/{name}.png")
+            os.chdir(HERE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
