@@ -26,3 +26,12 @@ def data_dir():
     if not (path / "manifest.csv").exists():
         pytest.skip(f"real meshes not found at {path}; set VOXKERNEL_DATA")
     return path
+
+
+def pytest_collection_modifyitems(config, items):
+    """Skip what is marked slow unless `-m` asks for it."""
+    if "slow" in (config.option.markexpr or ""):
+        return
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker(pytest.mark.skip(reason="long; run with -m slow"))

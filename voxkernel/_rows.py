@@ -133,7 +133,8 @@ def part_names(fs: Any, run_path: str) -> list[str]:
 def read_parts(fs: Any, names: Iterable[str]) -> Any:
     """Read parts into one table: the latest row of each key, sorted by file and cell.
 
-    A later part counts, whatever it says; a file computed again replaces all rows of its earlier content.
+    A later part counts, whatever it says; a file computed again replaces all its earlier rows. The rows of one
+    computation share the time it finished.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -144,7 +145,7 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
     files = whole.column("file").to_pylist()
     cells = whole.column("cell").to_pylist()
     versions = list(zip(whole.column("content_hash").to_pylist(), whole.column("settings_hash").to_pylist(),
-                        whole.column("status").to_pylist(), strict=True))  # fmt: skip
+                        whole.column("finished").to_pylist(), strict=True))  # fmt: skip
     current = dict(zip(files, versions, strict=True))
     latest = {
         (file, -1 if cell is None else cell): i

@@ -19,7 +19,7 @@ DESCRIPTION = (
 EXAMPLES = (
     "voxkernel report run/ -o report.html",
     "voxkernel report run/ -o report.html --views 40 --star-label convex --star-label star",
-    "voxkernel report run/ --markdown >> $GITHUB_STEP_SUMMARY",
+    "voxkernel report run/ --markdown > summary.md",
     "voxkernel report run/ --json > summary.json",
 )
 _SUFFIXES = (".html", ".htm", ".md", ".json")
