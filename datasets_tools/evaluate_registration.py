@@ -138,7 +138,7 @@ def scan_pairs(data: Path, count: int) -> Iterator[Pair]:
             yield posed(f"{sigma} mm noise", number, source, noisy(scan, sigma, 10 * number + sigma), known)
         for facets in (400, 150):
             yield posed(f"{facets} facets", number, source, decimated(scan, facets), known)
-        for percent in (10, 20, 30):
+        for percent in (10, 20, 30, 50, 70):
             cut = cropped(scan, percent / 100, 100 * number + percent)
             yield posed(f"{percent} % cropped", number, source, cut, known)
         person, expression = Path(entry["reference"]).stem.split("_")
@@ -301,8 +301,17 @@ def by_kernels(pair: Pair) -> tuple[Any, Any, bool]:
     return found.kernel_T_target_source, found.T_target_source, found.ambiguous
 
 
+def by_overlap(pair: Pair) -> tuple[Any, Any, bool]:
+    """Run `voxkernel.register` and once more with the kernels of what overlaps."""
+    import voxkernel
+
+    found = voxkernel.register(pair.source, pair.target, overlap_steps=1)
+    return found.kernel_T_target_source, found.T_target_source, found.ambiguous
+
+
 METHODS: dict[str, tuple[str, Callable[[Pair], tuple[Any, Any, bool]]]] = {
     "kernels": ("kernels", by_kernels),
+    "overlap": ("kernels of the overlap", by_overlap),
     "ransac": ("FPFH + RANSAC", peer(start_ransac)),
     "fgr": ("FPFH + FGR", peer(start_fast_global)),
     "pca": ("PCA + ICP", peer(start_pca)),

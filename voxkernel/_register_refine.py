@@ -74,7 +74,7 @@ def refined(source: ScoredCloud, target: ScoredCloud, start: NDArray[np.float64]
 def _of_copies(source: ScoredCloud, target: ScoredCloud, found: _End) -> _End | None:
     """Lay the vertices of copies of one surface on each other to the last digits; None where they are none."""
     few = min(source.n_vertices, target.n_vertices)
-    if few < 3:
+    if few < 3 or len(source.pairs(target, found.transform, _NEARLY_EXACT)[0]) < 0.5 * few:
         return None
     one, two = (c.cloud.select_by_index(range(c.n_vertices)) for c in (source, target))
     end = icp(one, two, found.transform, _NEARLY_EXACT, "point_to_point", steps=10, change=1e-15)

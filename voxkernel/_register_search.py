@@ -20,9 +20,9 @@ _MANY = 24  # guesses after which they must be farther apart
 _NEAR = 1 / 15  # of the diagonal: pairs farther apart count as nothing when guesses are scored
 _FAR = 1 / 8
 _STEPS = 15
+_MOST_MORE = 16  # of the guesses that do not come from kernels
 _FACING = 0.5  # cosine between normals of a pair that counts
-_CLEAR = 0.75  # a score below which, or a lead below which, more rotations are tried
-_LEAD = 0.05
+_CLEAR = 0.7  # a score below which more rotations are tried
 _EQUAL_AXES = 0.1  # axes whose spreads differ by less than this share can be exchanged
 
 
@@ -164,17 +164,25 @@ def search(source: PreparedSurface, target: PreparedSurface, scale: float) -> li
     """
     clouds = ScoredCloud(source.coarse, scale), ScoredCloud(target.coarse, scale)
     first = guesses_of(source, target)
-    tried = [_tried(g, clouds, scale) for g in first]
+    tried = [_tried(_scored(g, clouds, scale), clouds, scale) for g in first]
     if not tried or max(g.moved_score for g in tried) < _CLEAR:
-        tried += [_tried(g, clouds, scale) for g in _fallback(source, target, first)]
+        more = [_scored(g, clouds, scale) for g in _fallback(source, target, first)]
+        more.sort(key=lambda g: -g.score)
+        tried += [_tried(g, clouds, scale) for g in more[:_MOST_MORE]]
     return sorted(tried, key=lambda g: -g.moved_score)
 
 
+def _scored(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) -> Guess:
+    start = guess.transform.copy()
+    start[:3, 3] /= scale
+    return replace(guess, score=pair_score(*clouds, start, _NEAR))
+
+
 def _tried(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) -> Guess:
+    """Move a guess by a short ICP, unless that makes it worse."""
     source, target = clouds
     start = guess.transform.copy()
     start[:3, 3] /= scale
-    score = pair_score(source, target, start, _NEAR)
     pipeline = open3d().pipelines.registration
     estimate = pipeline.TransformationEstimationPointToPlane()
     limits = pipeline.ICPConvergenceCriteria(1e-6, 1e-6, _STEPS)
@@ -184,8 +192,8 @@ def _tried(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) 
             pipeline.registration_icp(source.cloud, target.cloud, reach, moved, estimate, limits).transformation
         )
     moved_score = pair_score(source, target, moved, _NEAR)
-    if not np.isfinite(moved).all() or moved_score < score:
-        moved, moved_score = start, score
+    if not np.isfinite(moved).all() or moved_score < guess.score:
+        moved, moved_score = start, guess.score
     moved = moved.copy()
     moved[:3, 3] *= scale
-    return replace(guess, moved=moved, score=score, moved_score=moved_score)
+    return replace(guess, moved=moved, moved_score=moved_score)
