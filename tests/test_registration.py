@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from voxkernel import as_mesh, exact_kernel, kernel_moments, register, register_many, voxel_kernel
 from voxkernel.demo_shapes import face
+from voxkernel.errors import MeshError
 from voxkernel.registration import (
     align_kernels,
     frame_candidates,
@@ -172,6 +173,31 @@ def test_degenerate_and_empty_kernels_give_an_answer(make, margin):
     assert found.converged
     assert found.score > 0.99
     assert np.isfinite(found.T_target_source).all()
+
+
+def test_loose_triangles_are_connected_first(small_face):
+    vertices, faces = small_face
+    away = pose(15, 100.0)
+    loose = moved(away, vertices)[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+    found = register((vertices, faces), loose)
+    assert off(found.T_target_source, away, vertices) < 1e-9
+
+
+def test_surfaces_with_few_or_no_extents():
+    triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0.0]]), np.array([[0, 1, 2]])
+    found = register(triangle, triangle)
+    assert found.converged
+    assert found.ambiguous
+    assert "slide on each other in 3 ways" in found.reason
+    for vertices, message in (
+        (np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.0]]), "`faces` must hold a triangle with positive area"),
+        (triangle[0] * 1e150, r"`vertices` must lie within 2\*\*200"),
+    ):
+        with pytest.raises(MeshError, match=message):
+            register((vertices, triangle[1]), triangle)
+    # Twice the size in other units: no rigid motion lays one on the other.
+    small, large = boulder(), (boulder()[0] * 1000, boulder()[1])
+    assert not register(small, large).converged
 
 
 def test_surfaces_that_do_not_fit_say_so():

@@ -81,7 +81,7 @@ def solve(
     doubt = _doubt(clouds, ends)
     reason = doubt if motion.settled else "ICP has not come to rest on pairs of points"
     if score < _NO_FIT:
-        reason = _MISFIT
+        doubt, reason = "", _MISFIT
     world = to_world(*pair, scaled(motion.transform, scale))
     kernels = _by_kernels(guesses, world)
     return Solution(world, score, guess, kernels, guesses, motion.settled and score >= _NO_FIT, bool(doubt), reason)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._open3d import open3d
 from voxkernel._surface_samples import spread_samples
 from voxkernel.domain import ball_domain, surface_frame
-from voxkernel.errors import MeshError
+from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.moments import KernelMoments, kernel_moments
 from voxkernel.octree import KernelGrid, voxel_kernel
@@ -62,13 +62,11 @@ class PreparedSurface:
 
 def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
+    HalfSpaces.from_mesh(mesh)  # refuses what has no area or an extent beyond floating point
     centroid, axes = surface_frame(mesh)
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    faces = faces.reshape(mesh.faces.shape).astype(np.int64)
-    vertices = (mesh.vertices[used] - centroid) @ axes.T
+    corners, faces = _connected(mesh)
+    vertices = (corners - centroid) @ axes.T
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if not (np.isfinite(diagonal) and diagonal > 0):
-        raise MeshError("`surface` must have an extent to be registered; got one that is a single point")
     T_world_local = np.eye(4)
     T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
     smooth = _smoothed(vertices, faces)
@@ -80,6 +78,16 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
         tuple(kernel_moments(k) for k in kernels),
         _coarse_samples(*thin), _fine_samples(vertices, smooth, faces),
     )  # fmt: skip
+
+
+def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Give the vertices in use; those of loose triangles are joined, or smoothing would shrink each to a point."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    vertices = mesh.vertices[used]
+    if len(vertices) > len(mesh.faces):
+        vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
+        faces = merged.ravel()[faces]
+    return vertices, faces.reshape(mesh.faces.shape).astype(np.int64)
 
 
 def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:

@@ -68,7 +68,7 @@ def refined(source: ScoredCloud, target: ScoredCloud, start: NDArray[np.float64]
         return Refined(start, False, 0)
     after = icp(source.cloud, target.cloud, found.transform, reach, method, steps=1, change=1e-15)
     rests = found.rmse < _EXACT or abs(after.rmse - found.rmse) < _CHANGE
-    return Refined(found.transform, rests and found.n_pairs > 3, found.n_pairs)
+    return Refined(found.transform, rests and found.n_pairs >= 3, found.n_pairs)
 
 
 def _of_copies(source: ScoredCloud, target: ScoredCloud, found: _End) -> _End | None:
