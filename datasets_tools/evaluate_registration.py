@@ -44,6 +44,7 @@ class Outcome:
     final_share: float
     seconds: float
     ambiguous: bool = False
+    led_by: str = ""
 
     @property
     def success(self) -> bool:
@@ -277,10 +278,10 @@ def start_nothing(source: Any, target: Any, extent: float) -> Any:
     return motion(np.eye(3), np.asarray(target.points).mean(axis=0) - np.asarray(source.points).mean(axis=0))
 
 
-def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any, Any, bool]]:
+def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any, Any, bool, str]]:
     """Finish a start with the ICP all others share."""
 
-    def run(pair: Pair) -> tuple[Any, Any, bool]:
+    def run(pair: Pair) -> tuple[Any, Any, bool, str]:
         import numpy as np
         import open3d
 
@@ -288,28 +289,33 @@ def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any,
         source, target = cloud_of(pair.source), cloud_of(pair.target)
         extent = float(np.linalg.norm(np.ptp(pair.source[0], axis=0)))
         first = np.array(start(source, target, extent))
-        return first, final_icp(source, target, first, extent), False
+        return first, final_icp(source, target, first, extent), False, ""
 
     return run
 
 
-def by_kernels(pair: Pair) -> tuple[Any, Any, bool]:
+def led_by(found: Any) -> str:
+    """Say whether a guess of the kernels led to the answer, or one of the net of rotations about them."""
+    return "kernels" if found.margin == found.margin else "net"
+
+
+def by_kernels(pair: Pair) -> tuple[Any, Any, bool, str]:
     """Run `voxkernel.register` with its defaults."""
     import voxkernel
 
     found = voxkernel.register(pair.source, pair.target)
-    return found.kernel_T_target_source, found.T_target_source, found.ambiguous
+    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
 
 
-def by_overlap(pair: Pair) -> tuple[Any, Any, bool]:
+def by_overlap(pair: Pair) -> tuple[Any, Any, bool, str]:
     """Run `voxkernel.register` and once more with the kernels of what overlaps."""
     import voxkernel
 
     found = voxkernel.register(pair.source, pair.target, overlap_steps=1)
-    return found.kernel_T_target_source, found.T_target_source, found.ambiguous
+    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
 
 
-METHODS: dict[str, tuple[str, Callable[[Pair], tuple[Any, Any, bool]]]] = {
+METHODS: dict[str, tuple[str, Callable[[Pair], tuple[Any, Any, bool, str]]]] = {
     "kernels": ("kernels", by_kernels),
     "overlap": ("kernels of the overlap", by_overlap),
     "ransac": ("FPFH + RANSAC", peer(start_ransac)),
@@ -340,10 +346,10 @@ def measure(pairs: Iterator[Pair], methods: list[str], *, report: Callable[[str]
     for pair in pairs:
         for name in methods:
             began = time.perf_counter()
-            first, final, ambiguous = METHODS[name][1](pair)
+            first, final, ambiguous, led = METHODS[name][1](pair)
             seconds = time.perf_counter() - began
             off = *errors(first, pair), *errors(final, pair)
-            outcomes.append(Outcome(pair.row, pair.number, name, *off, seconds, ambiguous))
+            outcomes.append(Outcome(pair.row, pair.number, name, *off, seconds, ambiguous, led))
         done = ", ".join(f"{o.method} {o.final_deg:.2f}" for o in outcomes[-len(methods) :])
         report(f"{pair.row} {pair.number}: degrees {done}")
     return outcomes
@@ -369,6 +375,9 @@ def table(outcomes: list[Outcome], methods: list[str]) -> str:
                 f"{start:.1f}° → {final:.2f}°; {np.median([o.seconds for o in mine]):.2f} s"
             )
         lines.append(f"| {row} | " + " | ".join(cells) + " |")
+    led = [o.led_by for o in outcomes if o.method == "kernels"]
+    if led:
+        lines += ["", f"Guesses of the kernels led to {led.count('kernels')} of {len(led)} answers."]
     return "\n".join(lines) + "\n"
 
 
