@@ -88,11 +88,11 @@ def find_items(paths: Iterable[str | os.PathLike[str]]) -> list[Item]:
 
 
 def _expanded(path: str) -> list[str]:
+    if _is_local(path):
+        return _local(path)
     import fsspec
 
     fs, inner = fsspec.core.url_to_fs(path)
-    if "://" not in path and "::" not in path:
-        return _local(path)
     if any(c in inner for c in _MAGIC) and not fs.exists(inner):
         return [fs.unstrip_protocol(n) for n in sorted(fs.glob(inner)) if _known(n)]
     if fs.isdir(inner):
@@ -109,18 +109,28 @@ def _local(path: str) -> list[str]:
     return _below(path)
 
 
-def _below(path: str) -> list[str]:
-    """A file as it is; a folder of cells as one; another folder as the meshes in it."""
+def _below(path: str, above: tuple[str, ...] = ()) -> list[str]:
+    """A file as it is; a folder of cells as one; another folder as the meshes in it.
+
+    A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
+    """
     if not os.path.isdir(path):
         return [path]
-    if _is_cells(path):
+    place = os.path.realpath(path)
+    if place in above:
+        return []
+    try:
+        if _is_cells(path):
+            return [path]
+        entries = sorted(os.scandir(path), key=lambda e: e.name)
+    except OSError:
         return [path]
     names: list[str] = []
-    for entry in sorted(os.scandir(path), key=lambda e: e.name):
+    for entry in entries:
         if entry.name.startswith("."):
             continue
-        if entry.is_dir():
-            names += _below(entry.path)
+        if os.path.isdir(entry.path):
+            names += _below(entry.path, (*above, place))
         elif _known(entry.name):
             names.append(entry.path)
     return names
@@ -148,6 +158,11 @@ def _printable(name: str) -> str:
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
+def _is_local(url: str) -> bool:
+    """Whether it is a path of this machine; file names may hold what else makes a chain of file systems."""
+    return ("://" not in url and "::" not in url) or os.path.lexists(url)
+
+
 def _is_private(url: str) -> bool:
     """Whether only this process can read it."""
     return url.startswith("memory://")
@@ -164,7 +179,7 @@ def content_hash(item: Item) -> str:
     """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
     digest = hashlib.sha256()
     try:
-        if item.data is None and "://" not in item.url and os.path.isdir(item.url):
+        if item.data is None and _is_local(item.url) and os.path.isdir(item.url):
             for name in sorted(os.listdir(item.url)):
                 digest.update(name.encode("utf-8", "surrogateescape") + b"\0")
                 digest.update(hashlib.sha256((Path(item.url) / name).read_bytes()).digest())
@@ -176,7 +191,9 @@ def content_hash(item: Item) -> str:
 
 
 def _read(url: str) -> bytes:
-    if "://" not in url and "::" not in url:
+    if _is_local(url):
+        if not os.path.isfile(url):  # reading a pipe may never end
+            raise OSError(f"'{url}' is no file")
         return Path(url).read_bytes()
     import fsspec
 
@@ -187,7 +204,7 @@ def _read(url: str) -> bytes:
 @contextmanager
 def local_copy(item: Item) -> Generator[tuple[str, str]]:
     """Give a local path of a mesh and the hash of its content; remote ones are fetched once."""
-    if item.data is None and "://" not in item.url and "::" not in item.url:
+    if item.data is None and _is_local(item.url):
         yield item.url, content_hash(item)
         return
     try:

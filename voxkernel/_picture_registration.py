@@ -17,14 +17,13 @@ __all__ = ["registration_picture"]
 
 _SOURCE, _TARGET = "#d9822b", "#5b8db8"
 _INK, _PALE = "#1d2733", "#5c6b7a"
-_NAMES = ("before", "after")
+_NAMES = ("surfaces before", "surfaces after", "kernels before", "kernels after")
 
 
 class _Body(NamedTuple):
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     color: str
-    opacity: float
     name: str
 
 
@@ -35,9 +34,9 @@ def registration_picture(
     path: str | os.PathLike[str],
     *,
     title: str = "",
-    size: tuple[int, int] = (1400, 760),
+    size: tuple[int, int] = (1400, 1200),
 ) -> None:
-    """Draw source (orange) and target (blue) with their relaxed kernels, as given and after the motion.
+    """Draw source (orange) and target (blue), and their relaxed kernels below, as given and after the motion.
 
     Parameters
     ----------
@@ -63,7 +62,8 @@ def registration_picture(
     kind = place.suffix.lower()
     if kind not in (".png", ".html"):
         raise ValueError(f"`path` must end in .png or .html; got '{place.name}'")
-    scenes = _bodies(source, target, np.eye(4)), _bodies(source, target, found.T_target_source)
+    before, after = _bodies(source, target, np.eye(4)), _bodies(source, target, found.T_target_source)
+    scenes = before[0], after[0], before[1], after[1]
     words = (
         f"{100 * found.fitness:.1f} % of the source within {found.max_distance:.3g}, RMS {found.inlier_rmse:.3g}"
         + (f"; {found.reason}" if found.reason else "")
@@ -71,16 +71,20 @@ def registration_picture(
     (_write_png if kind == ".png" else _write_html)(scenes, place, title, words, size)
 
 
-def _bodies(source: PreparedSurface, target: PreparedSurface, motion: NDArray[np.float64]) -> list[_Body]:
-    bodies: list[_Body] = []
+def _bodies(
+    source: PreparedSurface, target: PreparedSurface, motion: NDArray[np.float64]
+) -> tuple[list[_Body], list[_Body]]:
+    """Give the two surfaces and their kernels of the smallest margin that are not empty."""
+    surfaces: list[_Body] = []
+    kernels: list[_Body] = []
     for surface, move, color, name in ((target, np.eye(4), _TARGET, "target"), (source, motion, _SOURCE, "source")):
         world = move @ surface.T_world_local
-        bodies.append(_Body(_moved(surface.vertices, world), surface.faces, color, 0.45, name))
+        surfaces.append(_Body(_moved(surface.vertices, world), surface.faces, color, name))
         kernel = next((k for k in surface.kernels if k.active_voxel_count), None)
         if kernel is not None:
             mesh = kernel.to_mesh()
-            bodies.append(_Body(_moved(mesh.vertices, world), mesh.faces, color, 1.0, f"kernel of the {name}"))
-    return bodies
+            kernels.append(_Body(_moved(mesh.vertices, world), mesh.faces, color, f"kernel of the {name}"))
+    return surfaces, kernels
 
 
 def _moved(points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,18 +96,19 @@ def _write_html(scenes: Any, path: Path, title: str, words: str, size: tuple[int
 
     go: Any = import_module("plotly.graph_objects")
     figure = import_module("plotly.subplots").make_subplots(
-        rows=1, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.02, specs=[[{"type": "scene"}, {"type": "scene"}]]
-    )
+        rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.02, vertical_spacing=0.05,
+        specs=[[{"type": "scene"}, {"type": "scene"}]] * 2,
+    )  # fmt: skip
     del size
-    for column, bodies in enumerate(scenes, start=1):
+    for place, bodies in enumerate(scenes):
         for body in bodies:
             x, y, z = body.vertices.T.astype(np.float32)
             i, j, k = body.faces.T.astype(np.int32)
             figure.add_trace(
                 go.Mesh3d(
-                    x=x, y=y, z=z, i=i, j=j, k=k, color=body.color, opacity=body.opacity, name=body.name,
-                    hoverinfo="name", showlegend=column == 1, legendgroup=body.name, flatshading=False,
-                ), row=1, col=column,
+                    x=x, y=y, z=z, i=i, j=j, k=k, color=body.color, name=body.name, hoverinfo="name",
+                    showlegend=place % 2 == 0, legendgroup=body.name, flatshading=place >= 2,
+                ), row=1 + place // 2, col=1 + place % 2,
             )  # fmt: skip
     hidden = {"visible": False}
     figure.update_scenes(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data")
@@ -126,15 +131,16 @@ def _write_png(scenes: Any, path: Path, title: str, words: str, size: tuple[int,
     from voxkernel._picture_png import _write
 
     head, top = 120, 40
-    room = (size[0] // 2, size[1] - head - top)
+    room = (size[0] // 2, (size[1] - head) // 2 - top)
     page = Image.new("RGB", size, "white")
     pen = ImageDraw.Draw(page)
     _write(pen, (36, 18), title, 38, _INK, size[0] - 72)
     _write(pen, (36, 68), words, 22, _PALE, size[0] - 72)
-    for column, bodies in enumerate(scenes):
+    for place, bodies in enumerate(scenes):
+        left, upper = (place % 2) * room[0], head + (place // 2) * (room[1] + top)
         image = Image.fromarray(_drawn(bodies, room)).resize(room, Image.Resampling.LANCZOS)
-        page.paste(image, (column * room[0], head + top))
-        _write(pen, (column * room[0] + 36, head + 8), _NAMES[column], 21, _INK, room[0] - 72)
+        page.paste(image, (left, upper + top))
+        _write(pen, (left + 36, upper + 8), _NAMES[place], 21, _INK, room[0] - 72)
     page.save(path, optimize=True)
 
 
@@ -151,12 +157,10 @@ def _drawn(bodies: list[_Body], size: tuple[int, int]) -> NDArray[np.uint8]:
             for body in bodies:
                 data = pyvista.PolyData.from_regular_faces(body.vertices, body.faces)
                 plotter.add_mesh(
-                    data, color=body.color, opacity=body.opacity, smooth_shading=body.opacity < 1.0, ambient=0.3,
-                    diffuse=0.75, specular=0.2, specular_power=28,
+                    data, color=body.color, smooth_shading=True, split_sharp_edges=True, ambient=0.3, diffuse=0.75,
+                    specular=0.2, specular_power=28,
                 )  # fmt: skip
             plotter.render_window.SetMultiSamples(0)
-            plotter.render_window.AlphaBitPlanesOn()
-            plotter.enable_depth_peeling(12)
             plotter.camera_position = "iso"
             plotter.camera.zoom(1.25)
             return np.asarray(plotter.screenshot(None, return_img=True))[..., :3]

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("target", metavar="TARGET", help="the surface that stays")
     parser.add_argument("-o", "--output", metavar="FILE", help="T.json: the motion, its fit and what was tried")
     parser.add_argument("--apply", metavar="FILE", help="write the moved source: .ply .obj .off .stl")
-    parser.add_argument("--picture", metavar="FILE", help="before and after, with the kernels: .html or .png")
+    parser.add_argument("--picture", metavar="FILE", help="surfaces and kernels before and after: .html or .png")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--margin", type=_share, nargs="+", metavar="M",
