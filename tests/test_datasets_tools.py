@@ -15,9 +15,13 @@ from voxkernel import as_mesh, best_center, exact_kernel
 
 TOOLS = Path(__file__).resolve().parent.parent / "datasets_tools"
 SCRIPTS = (
-    "check_manifest", "classify", "compare_methods", "make_shapes", "prepare_bu3dfe", "prepare_thingi10k",
+    "check_manifest", "classify", "compare_methods", "evaluate_registration", "make_shapes", "prepare_bu3dfe",
+    "prepare_thingi10k",
 )  # fmt: skip
-PARTS = ("classification", "faulty_shapes", "known_shapes", "shape_families", "shape_formulas", "tool")
+PARTS = (
+    "classification", "faulty_shapes", "known_shapes", "registration_methods", "registration_pairs", "shape_families",
+    "shape_formulas", "tool",
+)  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -74,6 +78,7 @@ def test_examples_of_the_help_parse(name, monkeypatch):
         ("check_manifest", ["{tmp}/a.csv", "--columns", "colour"]),
         ("check_manifest", ["{tmp}/a.csv", "--rtol", "0"]),
         ("compare_methods", []),
+        ("evaluate_registration", ["--data", "{tmp}"]),
         ("compare_methods", ["a.ply", "--methods", "magic"]),
         ("classify", ["{tmp}", "--manifest", "{tmp}/a.csv", "-o", "{tmp}/report.html"]),
     ],
@@ -94,6 +99,8 @@ def test_bad_usage(name, argv, tmp_path, capsys):
         ("prepare_thingi10k", ["-o", "a.csv", "--facets", "many"]),
         ("prepare_thingi10k", ["-o", "a.csv", "--facets", ":"]),
         ("compare_methods", ["--repeat", "x"]),
+        ("evaluate_registration", ["--pairs", "0"]),
+        ("evaluate_registration", ["--methods", "magic"]),
         ("classify", ["run"]),
     ],
 )
@@ -277,3 +284,46 @@ def test_list_of_families(capsys):
     out = capsys.readouterr().out
     assert all(family in out for family in FAMILIES)
     assert "stellated-cube" in out
+
+
+# ---------------------------------------------------------------- evaluate_registration
+
+
+def test_pairs_and_errors_of_registration():
+    """The true motion has no error; turning it by an angle has that error."""
+    from evaluate_registration import Outcome, errors, table
+    from registration_pairs import cropped, formula_pairs, motion
+    from scipy.spatial.transform import Rotation
+
+    pairs = list(formula_pairs(2))
+    assert [p.row for p in pairs[:3]] == ["formula, 1 % noise", "formula, 400 facets", "formula, 20 % cropped"]
+    assert len({p.T_target_source.tobytes() for p in pairs}) == len(pairs)
+    again = next(formula_pairs(1))
+    np.testing.assert_array_equal(again.target[0], pairs[0].target[0])
+    pair = pairs[0]
+    assert max(errors(pair.T_target_source, pair)) < 1e-9
+    turned = pair.T_target_source @ motion(Rotation.from_rotvec([0, 0.03, 0]).as_matrix(), np.zeros(3))
+    assert errors(turned, pair)[0] == pytest.approx(np.degrees(0.03))
+    vertices, faces = pair.source
+    corners = vertices[faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    kept = cropped(pair.source, 0.3, 0)[1]
+    left = vertices[kept]
+    assert np.linalg.norm(np.cross(left[:, 1] - left[:, 0], left[:, 2] - left[:, 0]), axis=1).sum() == pytest.approx(
+        0.7 * areas.sum(), rel=1e-3
+    )
+    outcome = Outcome("a|b", 0, "kernels", 5.0, 0.1, 1.0, 0.001, 0.2, led_by="kernels")
+    assert outcome.success
+    assert "**1** of 1" in table([outcome], ["kernels"])
+
+
+def test_registration_is_measured_and_written(tmp_path, capsys):
+    import evaluate_registration
+
+    argv = ["--pairs", "1", "--methods", "kernels", "icp", "-q", "--json", str(tmp_path / "raw.json")]
+    assert evaluate_registration.main(argv) == 0
+    out = capsys.readouterr().out
+    assert "| formula, 20 % cropped | **1** of 1" in out
+    outcomes = json.loads((tmp_path / "raw.json").read_text())
+    assert len(outcomes) == 6
+    assert all(o["final_deg"] < 2 for o in outcomes if o["method"] == "kernels")

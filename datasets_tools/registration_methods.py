@@ -1,0 +1,149 @@
+"""Ways to register a pair: through kernels, and what else Open3D offers, with the parameters used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from registration_pairs import Pair, motion
+
+
+def cloud_of(surface: Any) -> Any:
+    """Make an Open3D cloud of the vertices with the normals of the mesh."""
+    import numpy as np
+    import open3d
+
+    mesh = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(np.array(surface[0])),
+        open3d.utility.Vector3iVector(np.array(surface[1], dtype=np.int32)),
+    )
+    mesh.remove_unreferenced_vertices()
+    mesh.compute_vertex_normals()
+    cloud = open3d.geometry.PointCloud(mesh.vertices)
+    cloud.normals = mesh.vertex_normals
+    return cloud
+
+
+def final_icp(source: Any, target: Any, start: Any, extent: float) -> Any:
+    """Point-to-plane ICP with a reach of 1/17 and then 1/60 of the diagonal, as the others end."""
+    import numpy as np
+    import open3d
+
+    pipeline = open3d.pipelines.registration
+    estimate = pipeline.TransformationEstimationPointToPlane()
+    limits = pipeline.ICPConvergenceCriteria(1e-7, 1e-7, 60)
+    for reach in (extent / 17, extent / 60):
+        start = pipeline.registration_icp(source, target, reach, start, estimate, limits).transformation
+    return np.array(start)
+
+
+def features(cloud: Any, voxel: float) -> Any:
+    """Thin a cloud and compute its FPFH: normals of the mesh, radius of five voxels, 100 neighbours."""
+    import open3d
+
+    thin = cloud.voxel_down_sample(voxel)
+    search = open3d.geometry.KDTreeSearchParamHybrid(5 * voxel, 100)
+    return thin, open3d.pipelines.registration.compute_fpfh_feature(thin, search)
+
+
+def start_ransac(source: Any, target: Any, extent: float) -> Any:
+    """FPFH + RANSAC: voxel 1/50 of the diagonal, 3 points, 1.5 voxels, edge check 0.9, 100,000 trials, 0.999."""
+    import open3d
+
+    pipeline, voxel = open3d.pipelines.registration, extent / 50
+    one, two = features(source, voxel), features(target, voxel)
+    checks = [
+        pipeline.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+        pipeline.CorrespondenceCheckerBasedOnDistance(1.5 * voxel),
+    ]
+    return pipeline.registration_ransac_based_on_feature_matching(
+        one[0], two[0], one[1], two[1], True, 1.5 * voxel, pipeline.TransformationEstimationPointToPoint(False), 3,
+        checks, pipeline.RANSACConvergenceCriteria(100_000, 0.999),
+    ).transformation  # fmt: skip
+
+
+def start_fast_global(source: Any, target: Any, extent: float) -> Any:
+    """FPFH + fast global registration, the same features, pairs within 1.5 voxels."""
+    import open3d
+
+    pipeline, voxel = open3d.pipelines.registration, extent / 50
+    one, two = features(source, voxel), features(target, voxel)
+    option = pipeline.FastGlobalRegistrationOption(maximum_correspondence_distance=1.5 * voxel)
+    return pipeline.registration_fgr_based_on_feature_matching(one[0], two[0], one[1], two[1], option).transformation
+
+
+def start_pca(source: Any, target: Any, extent: float) -> Any:
+    """Principal axes of the vertices; of the four proper choices of signs the one with the best fitness."""
+    import numpy as np
+    import open3d
+
+    evaluate = open3d.pipelines.registration.evaluate_registration
+    frames = []
+    for cloud in (source, target):
+        points = np.asarray(cloud.points)
+        _, axes = np.linalg.eigh(np.cov(points.T))
+        axes[:, 0] *= np.linalg.det(axes)
+        frames.append((points.mean(axis=0), axes))
+    best = None
+    for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)):
+        turn = frames[1][1] @ np.diag(np.array(signs, float)) @ frames[0][1].T
+        start = motion(turn, frames[1][0] - turn @ frames[0][0])
+        found = evaluate(source, target, extent / 17, start)
+        key = (found.fitness, -found.inlier_rmse)
+        if best is None or key > best[0]:
+            best = key, start
+    return best[1]
+
+
+def start_nothing(source: Any, target: Any, extent: float) -> Any:
+    """Put the centres of the vertices on each other."""
+    import numpy as np
+
+    return motion(np.eye(3), np.asarray(target.points).mean(axis=0) - np.asarray(source.points).mean(axis=0))
+
+
+def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any, Any, bool, str]]:
+    """Finish a start with the ICP all others share."""
+
+    def run(pair: Pair) -> tuple[Any, Any, bool, str]:
+        import numpy as np
+        import open3d
+
+        open3d.utility.random.seed(pair.number)
+        source, target = cloud_of(pair.source), cloud_of(pair.target)
+        extent = float(np.linalg.norm(np.ptp(pair.source[0], axis=0)))
+        first = np.array(start(source, target, extent))
+        return first, final_icp(source, target, first, extent), False, ""
+
+    return run
+
+
+def led_by(found: Any) -> str:
+    """Say whether a guess of the kernels led to the answer, or one of the net of rotations about them."""
+    return "kernels" if found.margin == found.margin else "net"
+
+
+def by_kernels(pair: Pair) -> tuple[Any, Any, bool, str]:
+    """Run `voxkernel.register` with its defaults."""
+    import voxkernel
+
+    found = voxkernel.register(pair.source, pair.target)
+    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
+
+
+def by_overlap(pair: Pair) -> tuple[Any, Any, bool, str]:
+    """Run `voxkernel.register` and once more with the kernels of what overlaps."""
+    import voxkernel
+
+    found = voxkernel.register(pair.source, pair.target, overlap_steps=1)
+    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
+
+
+METHODS: dict[str, tuple[str, Callable[[Pair], tuple[Any, Any, bool, str]]]] = {
+    "kernels": ("kernels", by_kernels),
+    "overlap": ("kernels of the overlap", by_overlap),
+    "ransac": ("FPFH + RANSAC", peer(start_ransac)),
+    "fgr": ("FPFH + FGR", peer(start_fast_global)),
+    "pca": ("PCA + ICP", peer(start_pca)),
+    "icp": ("ICP", peer(start_nothing)),
+}
