@@ -26,7 +26,7 @@ extensions = [
     "mathml",
 ]
 exclude_patterns = ["_build", "_ext", "gallery", "gallery_data", "made/**/sg_execution_times.rst", "**/README.*"]
-default_role = "autolink"
+default_role = "public-name"
 nitpicky = False
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
@@ -65,7 +65,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "write_computation_times": False,
     "min_reported_time": 1e9,
-    "capture_repr": ("__repr__",),
+    "capture_repr": (),
     "thumbnail_size": (480, 340),
 }
 

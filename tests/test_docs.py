@@ -123,6 +123,7 @@ def test_gallery_scripts_draw_and_say_their_limits(script):
     assert re.match(r'"""\n.+\n=+\n', text), "title first"
     assert ".png" in text, "no picture"
     assert "# Limits\n# ------" in text, "no limits"
+    assert re.search(r"^# Sources?\b", text, re.MULTILINE), "no source"
     for target in re.findall(r":doc:`(?:[^<`]*<)?/?([^>`]+)>?`", text):
         if not target.startswith("made/"):
             homes = (DOCS / f"{target}.md", script.parent / f"{target}.py")

@@ -9,6 +9,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+
 import voxkernel
 
 _SKIPPED = ("voxkernel._loops", "voxkernel.cli")
@@ -160,6 +163,16 @@ def write_pages(folder: Path) -> None:
             file.write_text(text, encoding="utf-8")
 
 
+def _public_name(_role: str, _raw: str, text: str, _line: int, _inliner: Any, *_: Any) -> tuple[list[Any], list[Any]]:
+    """A word in single backquotes: a link to its page if it is a public name, plain code if not."""
+    word = nodes.literal(text, text)
+    name = text.removeprefix("voxkernel.")
+    if name not in voxkernel.__all__:
+        return [word], []
+    link = pending_xref("", word, refdomain="py", reftype="obj", reftarget=f"voxkernel.{name}", refexplicit=True)
+    return [link], []
+
+
 def _on_start(app: Any) -> None:
     write_pages(Path(app.srcdir) / "made" / "api")
 
@@ -170,7 +183,8 @@ def _keep_bars(_app: Any, _what: str, _name: str, _thing: Any, _options: Any, li
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Write the pages before Sphinx looks for its sources; touch up docstrings."""
+    """Write the pages before Sphinx looks for its sources; touch up docstrings; link names in single backquotes."""
+    app.add_role("public-name", _public_name)
     app.connect("builder-inited", _on_start)
     app.connect("autodoc-process-docstring", _keep_bars, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -34,6 +34,8 @@ ORDER = (
     "plot_surface_grid_kernel", "plot_samples", "plot_radial_functions", "plot_three_centres", "plot_registration",
     "plot_depths", "plot_relaxed", "plot_vdb_volume", "plot_failed_star", "plot_domains",
     "plot_bodies", "plot_report", "plot_polyhedral", "plot_benchmarks",
+    "plot_real_surface_grid_kernel", "plot_real_kernels", "plot_real_radial_functions", "plot_real_three_centres",
+    "plot_real_registration", "plot_real_relaxed", "plot_real_polyhedral",
 )  # fmt: skip
 
 

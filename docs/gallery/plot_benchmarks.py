@@ -77,3 +77,6 @@ plt.close(chart)
 # ------
 # Seconds of one virtual machine on one day; compare ratios. Dashed and dotted lines are extrapolated from the crosses.
 # Why the curves have these slopes: :doc:`/theory/octree_cost`.
+#
+# Source of the dense sweep: N. Werghi, 2008, section II.A; of Qhull: C. B. Barber and others, 1996. See
+# :doc:`/references`.

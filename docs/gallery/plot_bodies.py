@@ -100,7 +100,7 @@ def draw(found, path, view=(0.4, -1.0, 0.55), up=(0, 0, 1)):
         colors = ["#a9b4bf", "#d3202f"]
         plotter.add_mesh(data, scalars="turned", cmap=colors, clim=(0, 1), show_scalar_bar=False, ambient=0.15)
         plotter.view_vector(view, up)
-        plotter.camera.zoom(1.35)
+        plotter.camera.zoom(1.15)
         plotter.enable_anti_aliasing("ssaa")
         panel.imshow(plotter.screenshot(None, return_img=True))
         plotter.close()

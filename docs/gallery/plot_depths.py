@@ -32,7 +32,7 @@ for depth, grid in grids.items():
 # %%
 # The picture
 # -----------
-# Inside voxels of the first seven depths; the last panel shows how far the bounds are from the exact volume.
+# Inside voxels at each depth; the last panel shows how far the bounds are from the exact volume.
 views = []
 for depth, grid in grids.items():
     plotter = pyvista.Plotter(off_screen=True, window_size=(700, 620))
@@ -71,3 +71,6 @@ plt.close(chart)
 # The bounds halve with each level, and the number of cells grows by a factor of 4: :doc:`/theory/octree_cost`,
 # :doc:`/theory/volume_bounds`. ``rtol=0.01`` picks the depth for you. A grid of depth 10 is stored as tiles and 8^3
 # bricks, in OpenVDB's layout.
+#
+# Sources: N. Werghi, 2008, for the grid of points that this refines; K. Museth, 2013, for the layout. See
+# :doc:`/references`.

@@ -1,6 +1,6 @@
 """
-Where kernels are looked for
-============================
+The hull and the ball: where kernels are looked for
+===================================================
 
 A relaxed kernel may reach outside a closed shape: from a point beside it, only a part of the surface is
 turned away. Closed shapes therefore have their convex hull as domain. The kernel of an open surface may have
@@ -61,3 +61,6 @@ print(picture(surface, ball_domain(surface), 0.05, (0.8, -0.5, 0.35), 4.6, "doma
 # ------
 # A domain cuts: `cut_by_domain` of an exact kernel says whether it did. The verdict of `starshapeness` never depends
 # on it. All domains and their defaults: :doc:`/domains`.
+#
+# Source of the kernel: N. Werghi, 2008, who looks for it in a grid around the surface; see :doc:`/references`. The
+# domains are ours.

@@ -53,6 +53,7 @@ mesh = PolyhedralMesh.from_faces(points.reshape(-1, 3), faces, cells)
 kernels = cell_kernels(mesh)
 share = np.nan_to_num(kernels.volume_share)
 print(kernels)
+print("why not judged:", {reason.split(":")[0] for reason in kernels.reasons if reason})
 print("shares of the volume, quartiles:", np.quantile(share, [0, 0.25, 0.5, 0.75, 1]).round(3))
 
 # %%
@@ -60,7 +61,7 @@ print("shares of the volume, quartiles:", np.quantile(share, [0, 0.25, 0.5, 0.75
 # -----------
 grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: np.array(corners_of)}, points.reshape(-1, 3))
 grid.cell_data["share"] = share
-grid.cell_data["star"] = kernels.is_star_shaped
+grid.cell_data["state"] = np.where(kernels.is_failed, 2, np.where(kernels.is_star_shaped, 0, 1))
 middle = grid.cell_centers().points
 grid = grid.extract_cells((middle[:, 1] < 0.0) | (middle[:, 2] < 0.0))
 
@@ -68,9 +69,10 @@ plotter = pyvista.Plotter(off_screen=True, window_size=(1300, 760))
 plotter.set_background("white")
 plotter.add_mesh(grid, scalars="share", cmap="viridis", clim=(0, 1), show_edges=True, edge_color="#33414f",
                  line_width=1, show_scalar_bar=False, ambient=0.25)  # fmt: skip
-empty = grid.extract_cells(np.flatnonzero(grid.cell_data["star"] == 0))
-if empty.n_cells:
-    plotter.add_mesh(empty, color="#d3202f", show_edges=True, ambient=0.3)
+for state, color in ((1, "#d3202f"), (2, "#1d2733")):
+    some = grid.extract_cells(np.flatnonzero(grid.cell_data["state"] == state))
+    if some.n_cells:
+        plotter.add_mesh(some, color=color, show_edges=True, ambient=0.3)
 plotter.view_vector((-0.35, 0.8, 0.75), (0, 0, 1))
 plotter.camera.zoom(1.3)
 plotter.enable_anti_aliasing("ssaa")
@@ -80,7 +82,9 @@ plotter.close()
 chart, (left, right) = plt.subplots(1, 2, figsize=(13, 4.8), layout="constrained", width_ratios=(2.3, 1))
 left.imshow(image)
 left.axis("off")
-left.set_title(f"one quarter cut away; red: {np.sum(~kernels.is_star_shaped)} of {len(mesh)} cells are not star-shaped")
+n_inside_out, n_not = np.sum(kernels.is_failed), np.sum(~kernels.is_star_shaped & ~kernels.is_failed)
+words = f"red: {n_not} not star-shaped, black: {n_inside_out} inside out"
+left.set_title(f"{len(mesh)} cells, one quarter cut away; {words}")
 right.hist(share, bins=40, range=(0, 1), color="#3b6fa0")
 right.set(xlabel="kernel volume / cell volume", ylabel="cells", xlim=(0, 1))
 bar = chart.colorbar(plt.cm.ScalarMappable(cmap="viridis"), ax=left, orientation="horizontal", shrink=0.5, pad=0.02)

@@ -63,3 +63,5 @@ plt.close(chart)
 # The relaxed kernel is about facing, not seeing: the hidden part of a surface is at least the part turned away, and
 # can be more (:doc:`/theory/relaxed`). It is not convex. It could leak out of a closed body, so it is looked for in
 # the convex hull; see :doc:`plot_domains`. How to choose alpha: :doc:`/howto/alpha_and_depth`.
+#
+# Source of the exact kernel: N. Werghi, 2008; the relaxed one is ours. See :doc:`/references`.

@@ -89,3 +89,5 @@ plt.close(chart)
 # ------
 # A report shows what the table says; it opens no mesh. :doc:`/howto/data_sets` has clusters, time limits and the
 # columns of the table.
+#
+# Source of the kernels in the pictures: N. Werghi, 2008; see :doc:`/references`. The scores are ours.

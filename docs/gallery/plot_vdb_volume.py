@@ -74,3 +74,5 @@ plotter.close()
 # ------
 # `violation_grid` is a picture of the field, not a bound: values are float32 at voxel centres. How to open the file
 # in Blender and ParaView: :doc:`/howto/vdb_files`.
+#
+# Source of the file format: K. Museth, 2013; see :doc:`/references`. The violation is ours.

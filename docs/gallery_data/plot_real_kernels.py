@@ -56,3 +56,5 @@ plotter.close()
 # ------
 # The settings of the smoothing were chosen so that a kernel exists: this says nothing about how often one does. Model
 # faces and virtual scans by ICT-FaceKit (MIT), one real head by Lee Perry-Smith (CC BY 3.0).
+#
+# Source: N. Werghi, 2008, figure 2; see :doc:`/references`.

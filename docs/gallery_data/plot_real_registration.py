@@ -55,3 +55,5 @@ plotter.close()
 # ------
 # Three pairs, scans of the very faces they are laid on. How often it works, and how well, is measured by
 # ``datasets_tools/evaluate_registration.py``. :doc:`/howto/registering_scans` has the call.
+#
+# Source: N. Werghi, 2008, section IV.B and figure 5; see :doc:`/references`.

@@ -128,4 +128,6 @@ plt.close(chart)
 # %%
 # Limits
 # ------
-# Model faces and virtual scans of them, made with ICT-FaceKit (MIT); one machine's view of one face each.
+# Model faces and virtual scans of them, made with ICT-FaceKit (MIT); one face each.
+#
+# Source: N. Werghi, 2008, figure 4; see :doc:`/references`.
