@@ -307,8 +307,10 @@ def test_inputs(meshes, tmp_path, monkeypatch):
     monkeypatch.chdir(meshes)
     names = [item.name for item in find_items(["."])]
     assert names == sorted(
-        ["./" + HOSTILE, "./broken.ply", "./fields/field.ply", *(f"./solids/{n}.ply" for n in MADE if n != "field")]
+        [HOSTILE, "broken.ply", "fields/field.ply", *(f"solids/{n}.ply" for n in MADE if n != "field")]
     )
+    assert len(find_items(["broken.ply", "./broken.ply", "fields/..//broken.ply", "fields/../broken.ply"])) == 2
+    assert [i.name for i in find_items([f"file://{meshes}/fields"])] == [f"file://{meshes}/fields/field.ply"]
     assert [i.name for i in find_items(["solids/*.ply", "solids/cube.ply"])] == [
         f"solids/{n}.ply" for n in sorted(MADE) if n != "field"
     ]  # fmt: skip
@@ -326,6 +328,82 @@ def test_names_that_are_no_text(tmp_path):
     (item,) = find_items([tmp_path])
     assert item.name.endswith("/\\xff\\xfe.ply")
     assert len(content_hash(item)) == 64
+
+
+def test_names_that_look_like_chains_of_file_systems(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = ["a::b.ply", "d/simplecache::x.ply"]
+    (tmp_path / "d").mkdir()
+    for name in names:
+        try:
+            as_mesh(shapes.cube()).write(name)
+        except OSError:
+            pytest.skip("file system without such names")
+    items = find_items(["a::b.ply", "d"])
+    assert [i.name for i in items] == names
+    assert {len(content_hash(i)) for i in items} == {64}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in the file system")
+def test_folders_with_links_in_circles_and_pipes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d" / "e").mkdir(parents=True)
+    as_mesh(shapes.cube()).write("d/e/x.ply")
+    for link, target in (("d/up", "."), ("d/e/top", ".."), ("d/self", "self"), ("d/again", "e"), ("d/none.ply", "no")):
+        os.symlink(target, link)
+    os.mkfifo("d/pipe.ply")
+    for given, start in (("d", ""), (f"file://{tmp_path}/d", f"file://{tmp_path}/")):
+        items = find_items([given])
+        names = ["d/again/x.ply", "d/e/x.ply", "d/none.ply", "d/pipe.ply"]
+        assert [i.name for i in items] == [start + name for name in names]
+        assert [len(content_hash(i)) for i in items] == [64, 64, 0, 0]  # a pipe is not waited for
+
+
+def test_a_folder_that_cannot_be_listed_is_an_item(tmp_path, monkeypatch):
+    (tmp_path / "locked").mkdir()
+    as_mesh(shapes.cube()).write(tmp_path / "x.ply")
+    scandir = os.scandir
+
+    def refusing(path):
+        if str(path).endswith("locked"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    assert [os.path.basename(i.name) for i in find_items([tmp_path])] == ["locked", "x.ply"]
+
+
+def test_labels_of_a_table_relative_to_a_folder_above(tmp_path, monkeypatch):
+    file = tmp_path / "labels.csv"
+    file.write_text("label,file\none,a/x.ply\ntwo,b/x.ply\nlong,data/b/x.ply\nno-file\n")
+    labels = read_labels(file)
+    names = ("data/a/x.ply", "/far/a/x.ply", "b/x.ply", "some/data/b/x.ply", "c/x.ply", "aa/x.ply")
+    assert [labels.of(n)[0] for n in names] == ["one", "one", "two", "long", None, None]
+    (tmp_path / "in").mkdir()
+    monkeypatch.chdir(tmp_path / "in")
+    assert Labels(None).of("../x.ply") == (tmp_path.name, None)
+    file.write_bytes(b"file,label\n\xe9,x\n")
+    with pytest.raises(ValueError, match="`labels` must be text in UTF-8; got"):
+        read_labels(file)
+
+
+def test_a_file_system_that_is_not_there_is_bad_input(monkeypatch, tmp_path, command):
+    def missing(url):
+        raise ImportError("Install s3fs to access S3")
+
+    monkeypatch.setattr(fsspec.core, "url_to_fs", missing)
+    code, _, messages = command("evaluate", "s3://bucket/x", "-o", tmp_path / "run")
+    assert code == 2
+    assert "'s3://bucket/x' cannot be opened: Install s3fs" in messages
+    with pytest.raises(ValueError, match="'s3://bucket/run' cannot be opened: Install s3fs"):
+        _rows.open_run("s3://bucket/run")
+
+
+def test_a_damaged_part_is_named(tmp_path):
+    (tmp_path / "rows").mkdir()
+    (tmp_path / "rows" / "part-1.parquet").write_bytes(b"PAR1")
+    with pytest.raises(ValueError, match=r"part-1\.parquet' must be a part of a run; got"):
+        _rows.read_rows(str(tmp_path))
 
 
 def test_labels_by_path_name_and_stem(tmp_path):
@@ -453,9 +531,11 @@ def test_command(meshes, tmp_path, command):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--tolerances", "a"], "could not convert"),
+        (["--tolerances", "a"], "--tolerances must be numbers"),
         (["--tolerances", "0.1", "--profile"], "must not be given together"),
         (["--views", "some"], "--views"),
+        (["--views", "²"], "--views must be a number"),
+        (["--scheduler", "nonsense"], "`scheduler` must be the address of a scheduler"),
         (["--timeout", "-1"], "`timeout` must be > 0"),
         (["--scheduler", "tcp://127.0.0.1:9"], "`scheduler` must be the address of a scheduler"),
         (["--depth", "99"], "`depth` must be in 3..12; got 99"),

@@ -296,7 +296,8 @@ def test_axes_keep_order_and_limits(values, is_log):
 def test_profile_bands_are_in_order(run, rng, tmp_path):
     odd = surface_row("odd.ply", rng, "a", profile_tolerances=[0.0, 1.0], profile_shares=[0.0, 1.0])
     broken = surface_row("broken.ply", rng, "a", profile_tolerances=[0.0, 1.0], profile_shares=[0.5])
-    write_run(run, [surface_row(f"{i}.ply", rng, "ab"[i % 2]) for i in range(40)] + [odd, broken])
+    unknown = surface_row("unknown.ply", rng, "a", profile_shares=[float("nan")] * 26)
+    write_run(run, [surface_row(f"{i}.ply", rng, "ab"[i % 2]) for i in range(40)] + [odd, broken, unknown])
     profile = write_report(run, tmp_path / "r.html")["profile"]
     assert (profile["n"], profile["n_other_tolerances"], len(profile["groups"])) == (40, 1, 2)
     for group in profile["groups"]:

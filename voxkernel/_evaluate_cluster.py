@@ -67,9 +67,11 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
     """Connect to the scheduler of the settings, or start worker processes and end them afterwards."""
     from dask import config
     from distributed import Client, LocalCluster
+    from distributed.comm.addressing import get_address_host
 
     if settings.scheduler is not None:
         try:
+            get_address_host(settings.scheduler)  # a client that cannot read its address does not end in order
             client = Client(settings.scheduler, timeout="5s", set_as_default=False)
         except (OSError, ValueError) as error:
             wrong = f"`scheduler` must be the address of a scheduler; got {settings.scheduler!r}"

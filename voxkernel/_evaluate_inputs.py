@@ -51,10 +51,12 @@ class Labels:
     def of(self, name: str) -> tuple[str | None, str | None]:
         """Give the label of a file and the entry of the table it was found by."""
         if self.table is None:
-            parent = posixpath.basename(posixpath.dirname(name.rstrip("/")))
+            folder = posixpath.dirname(name.rstrip("/"))
+            parent = posixpath.basename(os.path.abspath(folder) if folder.endswith("..") else folder)
             return (parent or None), None
-        base = posixpath.basename(name)
-        for key in (name, posixpath.normpath(name), base, posixpath.splitext(base)[0]):
+        parts = posixpath.normpath(name).split("/")
+        ends = ["/".join(parts[k:]) for k in range(len(parts))]  # a table may be relative to any folder above
+        for key in (name, *ends, posixpath.splitext(parts[-1])[0]):
             if key in self.table:
                 return self.table[key], key
         return None, None
@@ -66,13 +68,16 @@ def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
         return None
     if labels == "folders":
         return Labels(None)
-    import fsspec
-
-    with fsspec.open(os.fspath(labels), "rt", encoding="utf-8-sig", newline="") as stream:
-        reader = csv.DictReader(stream)
-        if not {"file", "label"} <= set(reader.fieldnames or ()):
-            raise BadInput(f"`labels` must have columns file and label; got {reader.fieldnames} in '{labels}'")
-        return Labels({row["file"].replace(os.sep, "/"): row["label"] for row in reader})
+    fs, path = _opened(os.fspath(labels))
+    try:
+        with fs.open(path, "rt", encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream)
+            if not {"file", "label"} <= set(reader.fieldnames or ()):
+                raise BadInput(f"`labels` must have columns file and label; got {reader.fieldnames} in '{labels}'")
+            rows = [(row["file"], row["label"]) for row in reader]
+    except UnicodeDecodeError as error:
+        raise BadInput(f"`labels` must be text in UTF-8; got '{labels}', {error}") from None
+    return Labels({file.replace(os.sep, "/"): label for file, label in rows if file})
 
 
 def find_items(paths: Iterable[str | os.PathLike[str]]) -> list[Item]:
@@ -82,26 +87,38 @@ def find_items(paths: Iterable[str | os.PathLike[str]]) -> list[Item]:
     """
     found: dict[str, str] = {}
     for path in paths:
-        for name in _expanded(os.fspath(path)):
-            found[_printable(name)] = name
+        for name, url in _expanded(os.fspath(path)):
+            found[_printable(name)] = url
     return [Item(name, url) for name, url in sorted(found.items())]
 
 
-def _expanded(path: str) -> list[str]:
+def _expanded(path: str) -> list[tuple[str, str]]:
+    """Give the name of each mesh a path leads to, and where it is."""
     if _is_local(path):
-        return _local(path)
+        return [(str(Path(n)) if n else n, n) for n in _local(path)]  # "./x" and "x" are one row
+    fs, inner = _opened(path)
+    if path.startswith("file://"):
+        return [(fs.unstrip_protocol(n), n) for n in _local(inner)]
+    names = [path]
+    if any(c in inner for c in _MAGIC) and not fs.exists(inner):
+        names = [fs.unstrip_protocol(n) for n in sorted(fs.glob(inner)) if _known(n)]
+    elif fs.isdir(inner):
+        names = [fs.unstrip_protocol(n) for n in sorted(fs.find(inner)) if _known(n)]
+    return [(n, n) for n in names]
+
+
+def _opened(url: str) -> tuple[Any, str]:
+    """Give the file system of a URL and the path there; one that is unknown or not installed is bad input."""
     import fsspec
 
-    fs, inner = fsspec.core.url_to_fs(path)
-    if any(c in inner for c in _MAGIC) and not fs.exists(inner):
-        return [fs.unstrip_protocol(n) for n in sorted(fs.glob(inner)) if _known(n)]
-    if fs.isdir(inner):
-        return [fs.unstrip_protocol(n) for n in sorted(fs.find(inner)) if _known(n)]
-    return [path]
+    try:
+        return fsspec.core.url_to_fs(url)
+    except (ImportError, ValueError) as error:
+        raise BadInput(f"'{url}' cannot be opened: {error}") from error
 
 
 def _local(path: str) -> list[str]:
-    """Expand a path of this machine; names keep the form they were given in."""
+    """Expand a path of this machine, relative or absolute as it was given."""
     import glob
 
     if any(c in path for c in _MAGIC) and not os.path.exists(path):

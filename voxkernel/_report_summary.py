@@ -95,7 +95,7 @@ def _profile(rows: ReportRows) -> dict[str, Any] | None:
     pairs = zip(rows.lists["profile_tolerances"], rows.lists["profile_shares"], strict=True)
     known: dict[int, tuple[tuple[float, ...], list[float]]] = {}
     for i, (tolerances, shares) in enumerate(pairs):
-        if tolerances and shares and len(tolerances) == len(shares) and None not in (*tolerances, *shares):
+        if tolerances and shares and len(tolerances) == len(shares) and _are_finite((*tolerances, *shares)):
             known[i] = (tuple(float(t) for t in tolerances), shares)
     if not known:
         return None
@@ -110,6 +110,10 @@ def _profile(rows: ReportRows) -> dict[str, Any] | None:
                 "label": label, "n": len(own), **dict(zip(("q10", "q25", "median", "q75", "q90"), bands, strict=True)),
             })  # fmt: skip
     return {"tolerances": list(usual), "n": n, "n_other_tolerances": len(known) - n, "groups": groups}
+
+
+def _are_finite(values: Sequence[float | None]) -> bool:
+    return all(value is not None and np.isfinite(value) for value in values)
 
 
 def _worst(rows: ReportRows) -> list[int]:

@@ -72,7 +72,10 @@ def open_run(run: str) -> tuple[Any, str]:
     """Give the file system of a run directory or URL and its path there."""
     import fsspec
 
-    fs, path = fsspec.core.url_to_fs(run)
+    try:
+        fs, path = fsspec.core.url_to_fs(run)
+    except ImportError as error:
+        raise ValueError(f"'{run}' cannot be opened: {error}") from error
     return fs, str(path).rstrip("/") or "/"
 
 
@@ -159,12 +162,16 @@ def _read_table(pq: Any, fs: Any, name: str) -> Any:
     import pyarrow as pa
 
     with fs.open(name, "rb") as stream:
-        table = pq.read_table(pa.BufferReader(stream.read()))
+        data = stream.read()
     wanted = schema()
-    columns = [
-        table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
-        for f in wanted
-    ]
+    try:
+        table = pq.read_table(pa.BufferReader(data))
+        columns = [
+            table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
+            for f in wanted
+        ]
+    except pa.ArrowException as error:
+        raise ValueError(f"'{name}' must be a part of a run; got {error}") from error
     return pa.Table.from_arrays(columns, schema=wanted)
 
 

@@ -81,8 +81,8 @@ def evaluate(
     settings : EvaluateSettings, optional
         What to compute and how to run.
     labels : path, URL or "folders", optional
-        A CSV with columns `file` and `label`, matched by path, file name or its stem; or the name of the folder each
-        mesh is in.
+        A CSV with columns `file` and `label`, matched by path (also one relative to a folder above the mesh), file
+        name or its stem; or the name of the folder each mesh is in.
     progress : callable, optional
         Called with an `EvaluationProgress` about four times a second.
 

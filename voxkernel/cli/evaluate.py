@@ -84,7 +84,7 @@ def _settings(args: argparse.Namespace) -> Any:
         options["tolerances"] = PROFILE_TOLERANCES
     try:
         if args.tolerances is not None:
-            options["tolerances"] = [float(v) for v in args.tolerances.split(",")]
+            options["tolerances"] = _tolerances(args.tolerances)
         return EvaluateSettings(
             domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies,
             thumbnails=args.thumbnails, views=_views(args.views),
@@ -95,7 +95,14 @@ def _settings(args: argparse.Namespace) -> Any:
         raise UsageError(str(error)) from error
 
 
+def _tolerances(text: str) -> list[float]:
+    try:
+        return [float(v) for v in text.split(",")]
+    except ValueError:
+        raise UsageError(f"--tolerances must be numbers with commas between; got '{display(text)}'") from None
+
+
 def _views(text: str) -> Any:
-    if text != "all" and not text.isdigit():
+    if text != "all" and not (text.isascii() and text.isdigit()):
         raise UsageError(f"--views must be a number or 'all'; got '{display(text)}'")
     return text if text == "all" else int(text)
