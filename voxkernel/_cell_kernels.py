@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._cell_sides import exact_volume
 from voxkernel._checks import read_only
+from voxkernel._polyhedral_mesh import PolyhedralMesh
 from voxkernel.convexity import is_locally_convex
 from voxkernel.errors import VoxKernelError
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.polytope import kernel_of_halfspaces
-
-if TYPE_CHECKING:
-    from voxkernel.polyhedral import PolyhedralMesh
 
 __all__ = ["CellKernels", "solve"]
 
