@@ -39,6 +39,7 @@ class Solution:
     converged: bool
     ambiguous: bool
     reason: str
+    surfaces: tuple[ScoredSurface, ScoredSurface]
 
 
 def to_world(one: PreparedSurface, two: PreparedSurface, local: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -72,7 +73,7 @@ def solve(
     if not guesses or guesses[0].moved_score < _NO_FIT:
         start = guesses[0].transform if guesses else np.eye(4)
         reason = _MISFIT
-        return Solution(start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, reason)
+        return Solution(start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, reason, surfaces)
     if method == "none":
         return _unrefined(pair, clouds, surfaces, guesses, scale)
     ends = [_refined(pair, clouds, surfaces, g, method, scale) for g in _distinct(pair, surfaces, guesses, scale)]
@@ -84,7 +85,8 @@ def solve(
         doubt, reason = "", _MISFIT
     world = to_world(*pair, scaled(motion.transform, scale))
     kernels = _by_kernels(guesses, world)
-    return Solution(world, score, guess, kernels, guesses, motion.settled and score >= _NO_FIT, bool(doubt), reason)
+    rests = motion.settled and score >= _NO_FIT
+    return Solution(world, score, guess, kernels, guesses, rests, bool(doubt), reason, surfaces)
 
 
 def _unrefined(
@@ -100,7 +102,7 @@ def _unrefined(
     best = _by_kernels(guesses, ends[0][2].moved) or ends[0][2]
     score = surface_score(*surfaces, scaled(to_local(*pair, best.transform), 1.0 / scale), SCORE_REACH)
     doubt = _doubt(clouds, ends)
-    return Solution(best.transform, score, best, best, guesses, True, bool(doubt), doubt)
+    return Solution(best.transform, score, best, best, guesses, True, bool(doubt), doubt, surfaces)
 
 
 def _by_kernels(guesses: tuple[Guess, ...], answer: NDArray[np.float64]) -> Guess | None:

@@ -288,7 +288,8 @@ def _wrapped(
     motion = turned(found.transform)
     scale = max(one.diagonal, two.diagonal)
     local = scaled(to_local(one, two, motion), 1.0 / scale)
-    fitness, rmse = ScoredSurface(one, scale).fit(ScoredSurface(two, scale), local, reach / scale)
+    shown = found.surfaces[::-1] if flipped else found.surfaces
+    fitness, rmse = shown[0].fit(shown[1], local, reach / scale)
     rmse *= scale
     first = motion if found.by_kernels is None else turned(found.by_kernels.transform)
     return Registration(
