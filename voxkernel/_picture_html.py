@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._picture_parts import save_page
 from voxkernel._picture_scene import KERNEL, LINE, SURFACE, WITNESS, Scene
 
 __all__ = ["Plate", "write_html"]
@@ -52,12 +53,8 @@ def write_html(plates: Sequence[Plate], path: Path) -> None:
         legend={"x": 0.99, "xanchor": "right", "y": 0.02, "yanchor": "bottom", "bgcolor": "rgba(255,255,255,0.8)"},
         updatemenus=[menu] if len(plates) > 1 else [],
     )  # fmt: skip
-    config = {"displaylogo": False, "responsive": True}
-    page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")
-    name = html.escape(_clean(plates[0].title if len(plates) == 1 else "voxkernel"))
-    style = "<style>html,body{height:100%;margin:0;overflow:hidden}</style>"
-    page = page.replace("<head>", f"<head><title>{name}</title>{style}", 1)
-    path.write_text(page, encoding="utf-8")
+    name = _clean(plates[0].title if len(plates) == 1 else "voxkernel")
+    save_page(figure, path, name, style="overflow:hidden")
 
 
 def _heading(plate: Plate) -> str:

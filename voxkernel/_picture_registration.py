@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import html
 import os
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._picture_parts import check_picture, heading, save_page, write_parts
 from voxkernel._register_prepare import PreparedSurface
 from voxkernel.registration import Registration
 
 __all__ = ["registration_picture"]
 
 _SOURCE, _TARGET = "#d9822b", "#5b8db8"
-_INK, _PALE = "#1d2733", "#5c6b7a"
 _NAMES = ("surfaces before", "surfaces after", "kernels before", "kernels after")
 
 
@@ -58,17 +59,18 @@ def registration_picture(
     OSError
         If the file cannot be written.
     """
-    place = Path(path)
-    kind = place.suffix.lower()
-    if kind not in (".png", ".html"):
-        raise ValueError(f"`path` must end in .png or .html; got '{place.name}'")
+    place, kind = check_picture(path)
     before, after = _bodies(source, target, np.eye(4)), _bodies(source, target, found.T_target_source)
     scenes = before[0], after[0], before[1], after[1]
     words = (
         f"{100 * found.fitness:.1f} % of the source within {found.max_distance:.3g}, RMS {found.inlier_rmse:.3g}"
         + (f"; {found.reason}" if found.reason else "")
     )
-    (_write_png if kind == ".png" else _write_html)(scenes, place, title, words, size)
+    if kind == ".html":
+        _write_html(scenes, place, title, words)
+    else:
+        parts = [(name, partial(_draw, bodies=bodies)) for name, bodies in zip(_NAMES, scenes, strict=True)]
+        write_parts(place, title, words, parts, size)
 
 
 def _bodies(
@@ -91,7 +93,7 @@ def _moved(points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[
     return points @ motion[:3, :3].T + motion[:3, 3]
 
 
-def _write_html(scenes: Any, path: Path, title: str, words: str, size: tuple[int, int]) -> None:
+def _write_html(scenes: Sequence[list[_Body]], path: Path, title: str, words: str) -> None:
     from importlib import import_module
 
     go: Any = import_module("plotly.graph_objects")
@@ -99,7 +101,6 @@ def _write_html(scenes: Any, path: Path, title: str, words: str, size: tuple[int
         rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.02, vertical_spacing=0.05,
         specs=[[{"type": "scene"}, {"type": "scene"}]] * 2,
     )  # fmt: skip
-    del size
     for place, bodies in enumerate(scenes):
         for body in bodies:
             x, y, z = body.vertices.T.astype(np.float32)
@@ -112,57 +113,19 @@ def _write_html(scenes: Any, path: Path, title: str, words: str, size: tuple[int
             )  # fmt: skip
     hidden = {"visible": False}
     figure.update_scenes(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data")
-    heading = f"{html.escape(title)}<br><span style='font-size:15px;color:{_PALE}'>{html.escape(words)}</span>"
     figure.update_layout(
-        title={"text": heading, "x": 0.03, "xanchor": "left", "y": 0.97, "font": {"color": _INK, "size": 24}},
-        margin={"l": 10, "r": 10, "t": 110, "b": 20}, paper_bgcolor="white",
+        title=heading(title, words), margin={"l": 10, "r": 10, "t": 110, "b": 20}, paper_bgcolor="white",
         legend={"orientation": "h", "y": -0.02}, font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
     )  # fmt: skip
-    config = {"displaylogo": False, "responsive": True}
-    page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")
-    style = "<style>html,body{height:100%;margin:0}</style>"
-    name = html.escape(title or "registration")
-    path.write_text(page.replace("<head>", f"<head><title>{name}</title>{style}", 1), encoding="utf-8")
+    save_page(figure, path, title or "registration")
 
 
-def _write_png(scenes: Any, path: Path, title: str, words: str, size: tuple[int, int]) -> None:
-    from PIL import Image, ImageDraw
-
-    from voxkernel._picture_png import _write
-
-    head, top = 120, 40
-    room = (size[0] // 2, (size[1] - head) // 2 - top)
-    page = Image.new("RGB", size, "white")
-    pen = ImageDraw.Draw(page)
-    _write(pen, (36, 18), title, 38, _INK, size[0] - 72)
-    _write(pen, (36, 68), words, 22, _PALE, size[0] - 72)
-    for place, bodies in enumerate(scenes):
-        left, upper = (place % 2) * room[0], head + (place // 2) * (room[1] + top)
-        image = Image.fromarray(_drawn(bodies, room)).resize(room, Image.Resampling.LANCZOS)
-        page.paste(image, (left, upper + top))
-        _write(pen, (left + 36, upper + 8), _NAMES[place], 21, _INK, room[0] - 72)
-    page.save(path, optimize=True)
-
-
-def _drawn(bodies: list[_Body], size: tuple[int, int]) -> NDArray[np.uint8]:
-    import pyvista
-
-    from voxkernel._picture_png import _light, _silent_vtk
-
-    with _silent_vtk():
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=[round(1.5 * v) for v in size], lighting="none")
-        try:
-            _light(plotter, pyvista)
-            plotter.set_background("white")
-            for body in bodies:
-                data = pyvista.PolyData.from_regular_faces(body.vertices, body.faces)
-                plotter.add_mesh(
-                    data, color=body.color, smooth_shading=True, split_sharp_edges=True, ambient=0.3, diffuse=0.75,
-                    specular=0.2, specular_power=28,
-                )  # fmt: skip
-            plotter.render_window.SetMultiSamples(0)
-            plotter.camera_position = "iso"
-            plotter.camera.zoom(1.25)
-            return np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
-        finally:
-            plotter.close()
+def _draw(plotter: Any, pyvista: Any, bodies: list[_Body]) -> None:
+    for body in bodies:
+        data = pyvista.PolyData.from_regular_faces(body.vertices, body.faces)
+        plotter.add_mesh(
+            data, color=body.color, smooth_shading=True, split_sharp_edges=True,
+            ambient=0.3, diffuse=0.75, specular=0.2, specular_power=28,
+        )  # fmt: skip
+    plotter.camera_position = "iso"
+    plotter.camera.zoom(1.25)

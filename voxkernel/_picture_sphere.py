@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import html
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._picture_parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel._picture_scene import KERNEL, SURFACE, make_scene
 from voxkernel._radial import RadialGrid, grid_triangles
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["sphere_picture"]
 
-_INK, _PALE, _UNSEEN = "#1d2733", "#5d6b7a", "#e3e6ea"
+_UNSEEN = "#e3e6ea"
+_SIZE = (1400, 1120)
 _MAP_RINGS = 180
 _NAMES = ("surface and centre", "radius on the sphere", "radius as a world map", "reconstruction")
 
@@ -62,10 +63,7 @@ def sphere_picture(
     OSError
         If the file cannot be written.
     """
-    target = Path(path)
-    kind = target.suffix.lower()
-    if kind not in (".png", ".html"):
-        raise ValueError(f"`path` must end in .png or .html; got '{target.name}'")
+    target, kind = check_picture(path)
     panels = _panels(sphere, sphere.sample() if samples is None else samples)
     words = _caption(sphere)
     if kind == ".html":
@@ -126,7 +124,7 @@ def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
     thin = {"color": KERNEL, "width": 1.5}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=1)
     x, y, z = panels.center[:, None].tolist()
-    dot = {"size": 6, "color": KERNEL, "line": {"color": _INK, "width": 1}}
+    dot = {"size": 6, "color": KERNEL, "line": {"color": INK, "width": 1}}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=dot, name="centre"), row=1, col=1)
     unit, triangles, radii = panels.ball
     seen = np.isfinite(radii)[triangles].all(axis=1)
@@ -153,17 +151,12 @@ def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
            "up": dict(zip("xyz", panels.up.tolist(), strict=True))}  # fmt: skip
     hidden = {"visible": False}
     figure.update_scenes(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data", camera=eye)
-    heading = f"{html.escape(title)}<br><span style='font-size:15px;color:{_PALE}'>{html.escape(words)}</span>"
     figure.update_layout(
-        title={"text": heading, "x": 0.03, "xanchor": "left", "y": 0.97, "font": {"color": _INK, "size": 24}},
+        title=heading(title, words),
         margin={"l": 60, "r": 20, "t": 110, "b": 40}, paper_bgcolor="white", plot_bgcolor=_UNSEEN, showlegend=False,
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
     )  # fmt: skip
-    config = {"displaylogo": False, "responsive": True}
-    page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")
-    style = "<style>html,body{height:100%;margin:0}</style>"
-    name = html.escape(title or "spherical map")
-    path.write_text(page.replace("<head>", f"<head><title>{name}</title>{style}", 1), encoding="utf-8")
+    save_page(figure, path, title or "spherical map")
 
 
 def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -175,44 +168,9 @@ def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def _write_png(panels: _Panels, path: Path, title: str, words: str) -> None:
-    from PIL import Image, ImageDraw
-
-    from voxkernel._picture_png import _write
-
-    size, head, top = (1400, 1120), 120, 40
-    part = (size[0] // 2, (size[1] - head) // 2)
-    page = Image.new("RGB", size, "white")
-    pen = ImageDraw.Draw(page)
-    _write(pen, (36, 18), title, 38, _INK, size[0] - 72)
-    _write(pen, (36, 68), words, 22, _PALE, size[0] - 72)
-    for i, draw in enumerate((_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)):
-        left, upper = (i % 2) * part[0], head + (i // 2) * part[1]
-        room = (part[0], part[1] - top)
-        image = Image.fromarray(_drawn(draw, panels, room)).resize(room, Image.Resampling.LANCZOS)
-        page.paste(image, (left, upper + top))
-        _write(pen, (left + 36, upper + 8), _NAMES[i], 21, _INK, part[0] - 72)
-    page.save(path, optimize=True)
-
-
-def _drawn(draw: Callable[[Any, Any, _Panels], None], panels: _Panels, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """One part, larger than needed."""
-    import pyvista
-
-    from voxkernel._picture_png import _light, _silent_vtk
-
-    with _silent_vtk():
-        pixels = [round(1.5 * v) for v in size]
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
-        try:
-            _light(plotter, pyvista)
-            plotter.set_background("white")
-            draw(plotter, pyvista, panels)
-            plotter.render_window.SetMultiSamples(0)
-            plotter.render_window.AlphaBitPlanesOn()
-            plotter.enable_depth_peeling(12)
-            return np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
-        finally:
-            plotter.close()
+    draws = (_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)
+    parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_NAMES, draws, strict=True)]
+    write_parts(path, title, words, parts, _SIZE)
 
 
 _COLORS: dict[str, Any] = {"cmap": "viridis", "show_scalar_bar": False, "nan_color": _UNSEEN}
@@ -250,7 +208,7 @@ def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     chart.cell_data["radius"] = flat.reshape(-1)
     plotter.add_mesh(chart, scalars="radius", lighting=False, **_COLORS)
     plotter.add_scalar_bar(
-        "radius", n_labels=4, height=0.08, width=0.6, position_x=0.2, position_y=0.02, color=_INK, fmt="%.4g"
+        "radius", n_labels=4, height=0.08, width=0.6, position_x=0.2, position_y=0.02, color=INK, fmt="%.4g"
     )
     plotter.view_xy()
     plotter.camera.zoom(1.35)

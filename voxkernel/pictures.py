@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel._picture_html import Plate, write_html
+from voxkernel._picture_parts import check_picture
 from voxkernel._picture_png import write_png
 from voxkernel._picture_scene import caption_of, make_scene
 from voxkernel._picture_sphere import sphere_picture
@@ -64,10 +65,7 @@ def surface_picture(
     ...     "star-shaped" in file.read_text(encoding="utf-8")
     True
     """
-    target = Path(path)
-    kind = target.suffix.lower()
-    if kind not in (".png", ".html"):
-        raise ValueError(f"`path` must end in .png or .html; got '{target.name}'")
+    target, kind = check_picture(path)
     if min(size) < 200:
         raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
     mesh = as_mesh(surface)
