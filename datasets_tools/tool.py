@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -135,18 +134,10 @@ def cell(value: Any) -> str:
 
 
 def to_json(document: Any) -> str:
-    """Write JSON that any parser accepts: NaN and infinity become null."""
-    return json.dumps(_plain(document), indent=2, allow_nan=False)
+    """Write JSON that any parser accepts, as the command line does."""
+    from voxkernel.cli.output import to_json as written
 
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return written(document)
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
