@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._register_icp import Refine
 from voxkernel._register_prepare import PreparedSurface, prepare
-from voxkernel._register_refine import Refine, Refined, refined, slack_of
+from voxkernel._register_refine import Refined, refined, slack_of
 from voxkernel._register_score import ScoredSurface, surface_score
 from voxkernel._register_search import Guess, ScoredCloud, inverse, rotation_angle_deg, search
 from voxkernel.errors import MeshError

@@ -17,7 +17,7 @@ from voxkernel.moments import KernelMoments, kernel_moments
 from voxkernel.octree import KernelGrid, voxel_kernel
 from voxkernel.violation import best_center
 
-__all__ = ["PreparedSurface", "Samples", "prepare", "simplified"]
+__all__ = ["PreparedSurface", "Samples", "prepare"]
 
 KERNEL_DEPTH = 5
 _CENTER_GAP = 2e-3
@@ -70,13 +70,14 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     T_world_local = np.eye(4)
     T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
     smooth = _smoothed(vertices, faces)
-    thin = simplified(smooth, faces, diagonal)
+    thin = _simplified(smooth, faces, diagonal)
     kernels = _kernels(thin, margins)
+    vectors = _facet_normals(smooth, faces)
     return PreparedSurface(
         mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
-        _unit(_facet_normals(smooth, faces)), margins, kernels,
+        _unit(vectors), margins, kernels,
         tuple(kernel_moments(k) for k in kernels),
-        _coarse_samples(*thin), _fine_samples(vertices, smooth, faces),
+        _coarse_samples(*thin), _fine_samples(vertices, faces, vectors),
     )  # fmt: skip
 
 
@@ -117,7 +118,7 @@ def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     return np.asarray(_legacy(vertices, faces).filter_smooth_simple(steps).vertices).copy()
 
 
-def simplified(
+def _simplified(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid, unless little would be left."""
@@ -145,10 +146,9 @@ def _coarse_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def _fine_samples(
-    vertices: NDArray[np.float64], smooth: NDArray[np.float64], faces: NDArray[np.int64]
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], vectors: NDArray[np.float64]
 ) -> Samples:
-    """Take the vertices with smoothed normals, and points between them where they are few."""
-    vectors = _facet_normals(smooth, faces)
+    """Take the vertices with normals from those of the facets, and points between them where they are few."""
     at_vertices = np.zeros_like(vertices)
     for k in range(3):
         for axis in range(3):

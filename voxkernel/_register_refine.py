@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._open3d import open3d
+from voxkernel._register_icp import IcpEnd, Refine, icp
 from voxkernel._register_search import ScoredCloud
 
-__all__ = ["Refine", "icp", "refined", "slack_of"]
-
-Refine = Literal["point_to_plane", "point_to_point", "none"]
+__all__ = ["Refined", "refined", "slack_of"]
 
 # Shares of the diagonal.
 _FAR = 1 / 17
@@ -34,30 +31,6 @@ class Refined:
     n_pairs: int
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    """What one run of ICP gave."""
-
-    transform: NDArray[np.float64]
-    rmse: float
-    n_pairs: int
-
-
-def icp(
-    source: Any, target: Any, start: NDArray[np.float64], reach: float, method: Refine, *, steps: int, change: float
-) -> _End:
-    """Run Open3D's ICP between clouds of about unit size, until share and RMSE of pairs change by `change`."""
-    pipeline = open3d().pipelines.registration
-    estimate = (
-        pipeline.TransformationEstimationPointToPlane()
-        if method == "point_to_plane"
-        else pipeline.TransformationEstimationPointToPoint(False)
-    )
-    limits = pipeline.ICPConvergenceCriteria(change, change, steps)
-    result = pipeline.registration_icp(source, target, reach, start, estimate, limits)
-    return _End(np.array(result.transformation), float(result.inlier_rmse), len(result.correspondence_set))
-
-
 def refined(source: ScoredCloud, target: ScoredCloud, start: NDArray[np.float64], method: Refine) -> Refined:
     """Run ICP with a wide reach, then with one that fits the noise, until it stays where it is."""
     wide = icp(source.cloud, target.cloud, start, _FAR, method, steps=_STEPS, change=_CHANGE)
@@ -71,7 +44,7 @@ def refined(source: ScoredCloud, target: ScoredCloud, start: NDArray[np.float64]
     return Refined(found.transform, rests and found.n_pairs >= 3, found.n_pairs)
 
 
-def _of_copies(source: ScoredCloud, target: ScoredCloud, found: _End) -> _End | None:
+def _of_copies(source: ScoredCloud, target: ScoredCloud, found: IcpEnd) -> IcpEnd | None:
     """Lay the vertices of copies of one surface on each other to the last digits; None where they are none."""
     few = min(source.n_vertices, target.n_vertices)
     if few < 3 or len(source.pairs(target, found.transform, _NEARLY_EXACT)[0]) < 0.5 * few:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._open3d import open3d
+from voxkernel._register_icp import icp
 from voxkernel._register_prepare import PreparedSurface, Samples
 from voxkernel.moments import KernelMoments
 
@@ -183,14 +184,9 @@ def _tried(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) 
     source, target = clouds
     start = guess.transform.copy()
     start[:3, 3] /= scale
-    pipeline = open3d().pipelines.registration
-    estimate = pipeline.TransformationEstimationPointToPlane()
-    limits = pipeline.ICPConvergenceCriteria(1e-6, 1e-6, _STEPS)
     moved = start
     for reach in (_FAR, _NEAR):
-        moved = np.array(
-            pipeline.registration_icp(source.cloud, target.cloud, reach, moved, estimate, limits).transformation
-        )
+        moved = icp(source.cloud, target.cloud, moved, reach, "point_to_plane", steps=_STEPS, change=1e-6).transform
     moved_score = pair_score(source, target, moved, _NEAR)
     if not np.isfinite(moved).all() or moved_score < guess.score:
         moved, moved_score = start, guess.score

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, as_positive, read_only
 from voxkernel._open3d import open3d
+from voxkernel._register_icp import Refine, icp
 from voxkernel._register_pair import SCORE_REACH, Solution, cropped_to_overlap, scaled, solve, to_local, to_world
 from voxkernel._register_prepare import PreparedSurface, prepare
-from voxkernel._register_refine import Refine, icp, refined
+from voxkernel._register_refine import refined
 from voxkernel._register_score import ScoredSurface, surface_score
 from voxkernel._register_search import ScoredCloud, frame_transforms, inverse
 from voxkernel._registration_result import Candidate, Registration
