@@ -9,9 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from docutils import nodes
-from sphinx.addnodes import pending_xref
-
 import voxkernel
 
 _SKIPPED = ("voxkernel._loops", "voxkernel.cli")
@@ -165,6 +162,9 @@ def write_pages(folder: Path) -> None:
 
 def _public_name(_role: str, _raw: str, text: str, _line: int, _inliner: Any, *_: Any) -> tuple[list[Any], list[Any]]:
     """A word in single backquotes: a link to its page if it is a public name, plain code if not."""
+    from docutils import nodes
+    from sphinx.addnodes import pending_xref
+
     word = nodes.literal(text, text)
     name = text.removeprefix("voxkernel.")
     if name not in voxkernel.__all__:
