@@ -1,0 +1,26 @@
+// The module voxkernel._core; each group of functions is bound in its own file.
+#include <string>
+
+#include "bind.h"
+#include "self_test.h"
+
+namespace voxkernel {
+
+void bind_planes(nb::module_& m);
+
+}  // namespace voxkernel
+
+NB_MODULE(_core, m) {
+  using namespace voxkernel;
+  if (const char* fault = arithmetic_fault()) {
+    const std::string text = std::string("voxkernel._core was built by a compiler that breaks exact arithmetic (") +
+                             fault + "); build it without fast-math and contraction";
+    PyErr_SetString(PyExc_ImportError, text.c_str());
+    throw nb::python_error();
+  }
+  m.doc() = "The compiled core: plain arrays in and out, one function per algorithm.";
+  nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
+      .def(nb::init<>())
+      .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_planes(m);
+}
