@@ -261,7 +261,7 @@ def test_degenerate_dual_hulls_stay_whole(seed):
     planes = HalfSpaces.from_mesh(voxkernel.as_mesh((mesh.vertices @ rotation.T, mesh.faces)))
     planes = planes.with_planes(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 9.0))
     inside = find_feasibility(planes)
-    rows, _ = relevant_rows(planes, inside.local_point, inside.working_set)
+    rows = relevant_rows(planes, inside.local_point, inside.working_set)
     assert polyhedron_around(planes.select(rows), inside.local_point) is not None
 
 

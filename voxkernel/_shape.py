@@ -13,11 +13,12 @@ from voxkernel._exact_program import deepest_rational_point
 from voxkernel._flat import RationalPoint, rational_kernel, rational_moments, rough_corners
 from voxkernel._solid import (
     Polyhedron,
+    Reach,
     convex_surface,
     polyhedron_around,
     polyhedron_moments,
+    reach_of,
     relevant_rows,
-    rows_reaching,
 )
 from voxkernel._stretched import Stretched, axes_of_cloud, axes_of_corners, stretched_polyhedron
 from voxkernel.feasibility import Feasibility
@@ -61,37 +62,59 @@ class Shape:
 
 
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
-    """Find corners and faces in floating point; None where rationals must do it."""
+    """Find corners and faces in floating point; None where rationals must do it.
+
+    Rows that seem not to matter are left out, and the corners found are held against all half-spaces:
+    whoever objects is put back, until nobody does.
+    """
     point = inside.local_point
     if point is None or inside.point is None:
         return None
-    rows = np.arange(len(planes))
-    is_proven = inside.clearance > 0.0
-    if is_proven:
-        rows, _ = relevant_rows(planes, point, inside.working_set)
-        convex = convex_surface(planes, point) if 2 * len(rows) > len(planes) else None
+    rows = relevant_rows(planes, point, inside.working_set) if inside.clearance > 0.0 else np.arange(len(planes))
+    if inside.clearance > 0.0 and 2 * len(rows) > len(planes):
+        convex = convex_surface(planes, point)
         if convex is not None:
-            shape = _float_shape(planes, rows, convex, inside)
+            shape = _float_shape(planes, convex, reach_of(planes, convex), inside)
             if _is_accurate(shape, convex):
                 return shape
+    while True:
+        shape, near = _shape_of_rows(planes, rows, inside)
+        missing = np.setdiff1d(near, rows)
+        if not len(missing):
+            return shape
+        rows = np.union1d(rows, missing)
+
+
+def _shape_of_rows(
+    planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility
+) -> tuple[Shape | None, NDArray[np.int64]]:
+    """Find the shape that some of the half-spaces make, and the half-spaces of all that are not clear of it."""
+    assert inside.local_point is not None
+    assert inside.point is not None
     near = planes.select(rows)
     heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
-    rows, near = rows[heads], near.select(heads)
-    solid = polyhedron_around(near, point) if is_proven else None
+    near = near.select(heads)
     axes = None
+    solid = polyhedron_around(near, inside.local_point) if inside.clearance > 0.0 else None
     if solid is not None:
-        shape = _float_shape(near, rows, solid, inside)
+        solid = replace(solid, rows=rows[heads[solid.rows]])
+        reach = reach_of(planes, solid)
+        shape = _float_shape(planes, solid, reach, inside)
         if _is_accurate(shape, solid) and solid.extent >= _SMALL:
-            return shape
+            return shape, reach.rows
         if shape.clearance >= _RESOLVED * max(1.0, solid.extent):
             axes = axes_of_cloud(near, solid.vertices)
     if len(near) <= (_FEW if axes is not None else _FEW_UNRESOLVED):
-        return rational_shape(planes, replace(inside, working_set=rows))
+        return rational_shape(planes, replace(inside, working_set=rows[heads])), rows
     if axes is None:
         rough = rough_corners(near, replace(inside, working_set=np.arange(len(near))))
         axes = None if rough is None else axes_of_corners(rough)
     stretched = None if axes is None else stretched_polyhedron(near, inside.point, axes)
-    return None if stretched is None else _stretched_shape(near, rows, stretched, inside)
+    if stretched is None:
+        return None, rows
+    solid = replace(stretched.solid, rows=rows[heads[stretched.solid.rows]])
+    reach = reach_of(planes, solid)
+    return _stretched_shape(planes, replace(stretched, solid=solid), reach, inside), reach.rows
 
 
 def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
@@ -115,24 +138,24 @@ def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tupl
     return solid.center + solid.extent * best[:3], clearance
 
 
-def _float_shape(planes: HalfSpaces, rows: NDArray[np.int64], solid: Polyhedron, inside: Feasibility) -> Shape:
-    """Measure a polyhedron; `rows` names the half-spaces of `planes`."""
+def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Feasibility) -> Shape:
+    """Measure a polyhedron; `reach` is what all half-spaces say to its corners."""
     deepest, clearance = _deepest(planes, solid, inside)
     volume, centroid, inertia, area = polyhedron_moments(solid)
-    corners = solid.center + solid.vertices
-    # The rows left out are clear of an outer polyhedron by 1e-9 of its size, so of these corners too.
-    _, excess = rows_reaching(planes, solid)
-    owner = np.repeat(solid.rows, np.diff(solid.start))
-    on_face = np.abs(
-        np.einsum("ij,ij->i", planes.local_normals[owner], corners[solid.ring]) - planes.local_offsets[owner]
-    )
+    # How far the corners of a face lie from its plane, relative to the centre, so that small kernels keep their digits.
+    slacks = planes.local_offsets[solid.rows] - planes.local_normals[solid.rows] @ solid.center
+    owner = np.repeat(np.arange(len(solid.rows)), np.diff(solid.start))
+    products = np.einsum("ij,ij->i", planes.local_normals[solid.rows[owner]], solid.vertices[solid.ring])
+    on_face = float(np.abs(products - slacks[owner]).max())
+    size = float(np.linalg.norm(solid.center)) + solid.extent + 1.0
+    blur = size * (float(planes.local_errors[solid.rows].max()) + 8 * _UNIT)
     # Moving every plane by the largest misfit changes the volume by less than this share.
-    misfit = max(float(on_face.max()), excess) + 2 * float(planes.local_errors[solid.rows].max())
+    misfit = max(on_face + blur, reach.bound)
     return Shape(
-        vertices=corners,
+        vertices=solid.center + solid.vertices,
         face_starts=solid.start,
         face_vertices=solid.ring,
-        rows=rows[solid.rows],
+        rows=solid.rows,
         volume=volume,
         area=area,
         centroid=solid.center + centroid,
@@ -140,16 +163,16 @@ def _float_shape(planes: HalfSpaces, rows: NDArray[np.int64], solid: Polyhedron,
         deepest=deepest,
         clearance=clearance,
         corners=[],
-        residual=max(0.0, excess),
+        residual=reach.residual,
         rounding=4.0 * misfit / clearance + _UNIT * (solid.extent / clearance) ** 2 + 1e-14
         if clearance > 0
         else np.inf,
     )
 
 
-def _stretched_shape(planes: HalfSpaces, rows: NDArray[np.int64], stretched: Stretched, inside: Feasibility) -> Shape:
+def _stretched_shape(planes: HalfSpaces, stretched: Stretched, reach: Reach, inside: Feasibility) -> Shape:
     """Measure a stretched polyhedron: moments in round coordinates, the rest as for any other."""
-    shape = _float_shape(planes, rows, stretched.solid, inside)
+    shape = _float_shape(planes, stretched.solid, reach, inside)
     centered = replace(stretched.solid, vertices=stretched.round_vertices)
     volume, centroid, inertia, _ = polyhedron_moments(centered)
     basis = stretched.basis

@@ -7,15 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import consistent_turns, dual_faces, moments, planes_reaching, solid_angle
 from voxkernel.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
 
 __all__ = [
+    "DualHull",
     "Polyhedron",
+    "Reach",
     "convex_surface",
     "polyhedron_around",
     "polyhedron_moments",
     "polyhedron_of_duals",
+    "reach_of",
     "relevant_rows",
 ]
 
@@ -84,8 +88,6 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     """Read the polyhedron { y : duals . y <= 1, closing . y <= 1 } off one convex hull; None where Qhull gives up."""
     from scipy.spatial import ConvexHull, QhullError
 
-    from voxkernel._loops.polyhedron import consistent_turns, dual_faces
-
     points = np.concatenate([duals, closing])
     try:
         hull = ConvexHull(points)
@@ -110,7 +112,7 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     largest = int(np.abs(side).argmax())
     simplices = hull.simplices.astype(np.int64)
     alike, is_connected = consistent_turns(simplices, hull.neighbors.astype(np.int64), largest)
-    outward = alike if side[largest] > 0 else ~alike
+    outward = alike.view(np.bool_) if side[largest] > 0 else ~alike.view(np.bool_)
     start, ring, is_whole = dual_faces(simplices, outward, vertex_ids, len(duals))
     if not (is_connected and is_whole):
         return None
@@ -125,8 +127,6 @@ def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron
     All edges strictly convex and the solid angle of one turn around `point` make it convex; then
     every facet bounds the kernel and every corner is one of its vertices, without any arithmetic.
     """
-    from voxkernel._loops.polyhedron import solid_angle
-
     faces = planes.corner_ids()
     if not (planes.is_triangulation and planes.bounds_volume):
         return None
@@ -145,53 +145,59 @@ def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron
 _CUBE = np.concatenate([np.eye(3), -np.eye(3)])
 
 
-def relevant_rows(
-    planes: HalfSpaces, point: NDArray[np.float64], working_set: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], int]:
-    """List the half-spaces that may bound the kernel around a point inside it; the rest is proven redundant.
+def relevant_rows(planes: HalfSpaces, point: NDArray[np.float64], working_set: NDArray[np.int64]) -> NDArray[np.int64]:
+    """List the half-spaces that may bound the kernel around a point inside it.
 
-    The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane
-    that its corners do not reach is dropped. Returns the rows and the number of passes made.
+    The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane that
+    none of its corners reaches cannot matter. The caller checks what is made of them against all planes.
     """
     from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
 
     n = len(planes)
     if n <= _CULL_ABOVE:
-        return np.arange(n), 0
+        return np.arange(n)
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     arrays = planes.local_normals, planes.local_offsets, planes.local_errors
     tightest_by_direction(*arrays, point, np.inf, ids, slacks)
     tight = np.union1d(ids[ids >= 0], working_set)
     outer = polyhedron_around(planes.select(tight), point)
     if outer is None:
-        return np.arange(n), 1
-    keep = np.zeros(n, np.bool_)
-    keep[rows_reaching(planes, outer)[0]] = True
-    keep[tight[outer.rows]] = True
-    return np.flatnonzero(keep), 2
+        return np.arange(n)
+    return np.union1d(reach_of(planes, outer, margin=1e-9 * outer.extent).rows, tight[outer.rows])
 
 
-def rows_reaching(planes: HalfSpaces, solid: Polyhedron, *, pad: float = 1e-9) -> tuple[NDArray[np.int64], float]:
-    """List the half-spaces not clear of a polyhedron by `pad` times its size, and the largest excess n . v - d."""
-    from voxkernel._loops.polyhedron import neighbours, planes_reaching
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Half-spaces not clear of a polyhedron, how far its corners pass each, and what rounding may add to that."""
 
-    corners = solid.center + solid.vertices
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    first, joined = neighbours(solid.start, solid.ring, len(corners))
-    keep = np.empty(len(planes), np.int64)
-    count, worst = planes_reaching(
-        planes.local_normals, planes.local_offsets, planes.local_errors, corners, first, joined,
-        0.5 * (low + high), 0.5 * (high - low), pad * solid.extent, keep,
-    )  # fmt: skip
-    return keep[:count], worst
+    rows: NDArray[np.int64]
+    excess: NDArray[np.float64]
+    pads: NDArray[np.float64]
+
+    @property
+    def residual(self) -> float:
+        """Largest distance by which a corner lies outside a half-space, at least 0."""
+        return float(np.max(self.excess, initial=0.0))
+
+    @property
+    def bound(self) -> float:
+        """The same with rounding added."""
+        return float(np.max(self.excess + self.pads, initial=0.0))
+
+
+def reach_of(planes: HalfSpaces, solid: Polyhedron, *, margin: float = 0.0) -> Reach:
+    """Hold all half-spaces against all corners of a polyhedron; those not listed are clear by `margin`, for certain."""
+    return Reach(
+        *planes_reaching(
+            planes.local_normals, planes.local_offsets, planes.local_errors, solid.center, solid.vertices, margin
+        )
+    )
 
 
 def polyhedron_moments(
     solid: Polyhedron,
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
     """Volume, centroid (relative to the centre), second central moment and area, in local units."""
-    from voxkernel._loops.polyhedron import moments
-
     volume, first, second, area = moments(solid.vertices, solid.start, solid.ring)
     centroid = first / volume
     return volume, centroid, second - volume * np.outer(centroid, centroid), area

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._solid import Polyhedron, polyhedron_of_duals
+from voxkernel._core import planes_reaching
+from voxkernel._solid import DualHull, Polyhedron, polyhedron_of_duals
 from voxkernel.halfspaces import HalfSpaces, IntegerPlane
 
 __all__ = ["Stretched", "axes_of_cloud", "axes_of_corners", "stretched_polyhedron"]
 
+_UNIT = 2.0**-53
 _BITS = 60
 _REACHES = (64.0, 2.0**16)
 _ROUND = 1e3
@@ -28,7 +30,7 @@ Axes = tuple[RationalPoint, RationalPoint, RationalPoint]
 class Stretched:
     """A polyhedron { center + basis @ y } and the same in round coordinates y.
 
-    `factor` is the determinant of `basis`, rounded once; `misfit` is max |a . y - 1| about its middle.
+    `factor` is the determinant of `basis`, rounded once; `misfit` bounds |a . y - 1| about its middle.
     """
 
     solid: Polyhedron
@@ -153,11 +155,31 @@ def _polyhedron(
     again = polyhedron_of_duals(centered, cube / (2 * _REACHES[-1]))
     if again is not None and again.is_closed:
         found = replace(again, vertices=again.vertices + middle)
-    owner = np.repeat(found.rows, np.diff(found.start))
-    products = np.einsum("ij,ij->i", centered[owner], found.vertices[found.ring] - middle)
     center = planes.from_lattice(point)
     solid = Polyhedron(center, found.vertices @ basis.T, found.start, found.ring, found.rows)
-    return Stretched(solid, found.vertices, basis, factor, float(np.abs(products - 1.0).max()))
+    return Stretched(solid, found.vertices, basis, factor, _misfit(found, duals, middle))
+
+
+def _misfit(found: DualHull, duals: NDArray[np.float64], middle: NDArray[np.float64]) -> float:
+    """Bound max |a . y - 1| over the corners of every face and a . y - 1 over all corners and rows, about the middle.
+
+    `duals` are exact but for one rounding each. Moving every plane a . y = 1 by the misfit scales the
+    polyhedron about its middle, so three times the misfit bounds the relative error of the volume.
+    """
+    height = 1.0 - duals @ middle
+    centered = duals / height[:, None]
+    lengths = np.sqrt((centered**2).sum(axis=1))
+    corners = found.vertices - middle
+    extent = float(np.sqrt((corners**2).sum(axis=1).max()))
+    # Two roundings of each number and those of the product a . middle, whose terms may be larger than `height`.
+    blur = _UNIT * (4.0 + 4.0 * np.sqrt((duals**2).sum(axis=1)) * float(np.sqrt(middle @ middle)) / height)
+    rows, excess, pads = planes_reaching(
+        np.divide(centered, lengths[:, None]), 1.0 / lengths, extent * blur, np.zeros(3), corners, 0.0
+    )
+    owner = np.repeat(found.rows, np.diff(found.start))
+    products = np.einsum("ij,ij->i", centered[owner], corners[found.ring])
+    on_face = np.abs(products - 1.0) + (blur[owner] + 8.0 * _UNIT) * lengths[owner] * extent
+    return max(float(on_face.max()), float(np.max((excess + pads) * lengths[rows], initial=0.0)))
 
 
 def _cross(a: Sequence[Any], b: Sequence[Any]) -> tuple[Any, Any, Any]:

@@ -1,0 +1,60 @@
+#include "bind.h"
+#include "polyhedron.h"
+#include "reach.h"
+
+namespace voxkernel {
+
+void bind_polyhedron(nb::module_& m) {
+  m.def(
+      "consistent_turns",
+      [](Array2<const Index, 3> simplices, Array2<const Index, 3> neighbours_of, Index first) {
+        Turns turns = without_lock(
+            [&](Stop& stop) { return consistent_turns(rows(simplices), rows(neighbours_of), first, stop); });
+        std::vector<std::uint8_t> alike(turns.alike.begin(), turns.alike.end());
+        return std::make_tuple(to_array(std::move(alike)), turns.all_reached);
+      },
+      array("simplices"), array("neighbours_of"), nb::arg("first"),
+      "Tell which triangles of a closed hull turn like the first (1 or 0), and whether all were reached.");
+  m.def(
+      "dual_faces",
+      [](Array2<const Index, 3> simplices, Array1<const bool> outward, Array1<const Index> vertex_ids, Index n_duals) {
+        Rings rings = without_lock(
+            [&](Stop& stop) { return dual_faces(rows(simplices), span(outward), span(vertex_ids), n_duals, stop); });
+        return std::make_tuple(to_array(std::move(rings.start)), to_array(std::move(rings.ring)), rings.all_closed);
+      },
+      array("simplices"), array("outward"), array("vertex_ids"), nb::arg("n_duals"),
+      "List the polygon of every dual point: starts, vertex ids in order, and whether all rings closed.");
+  m.def(
+      "moments",
+      [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const Index> ring) {
+        const Moments found =
+            without_lock([&](Stop& stop) { return moments(rows(vertices), span(start), span(ring), stop); });
+        return std::make_tuple(found.volume, to_array(std::vector<double>(found.first, found.first + 3)),
+                               to_rows<3>(std::vector<double>(&found.second[0][0], &found.second[0][0] + 9)),
+                               found.area);
+      },
+      array("vertices"), array("start"), array("ring"),
+      "Volume, first and second moments about the origin, area, of polygons seen from the origin inside.");
+  m.def(
+      "solid_angle",
+      [](Array2<const double, 3> vertices, Array1<const Index> ring) {
+        return without_lock([&](Stop& stop) { return solid_angle(rows(vertices), span(ring), stop); });
+      },
+      array("vertices"), array("ring"), "Signed solid angle of triangles seen from the origin.");
+  m.def(
+      "planes_reaching",
+      [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors,
+         Array<const double, 3> center, Array2<const double, 3> corners, double margin) {
+        Reach reach = without_lock([&](Stop& stop) {
+          return planes_reaching(rows(normals), span(offsets), span(errors), center.data(), rows(corners), margin,
+                                 stop);
+        });
+        return std::make_tuple(to_array(std::move(reach.rows)), to_array(std::move(reach.excess)),
+                               to_array(std::move(reach.pads)));
+      },
+      array("normals"), array("offsets"), array("errors"), array("center"), array("corners"), nb::arg("margin"),
+      "List the planes not clear of corners about a centre by a margin, how far the corners pass each, and "
+      "rounding.");
+}
+
+}  // namespace voxkernel
