@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Thread
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ __all__ = [
 ]
 
 _CULL_ABOVE = 3000
+_LONG_HULL = 20_000
 _FIRST_BOX = 4.0
 _LAST_BOX = 2.0**28
 
@@ -86,12 +89,9 @@ class DualHull:
 
 def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]) -> DualHull | None:
     """Read the polyhedron { y : duals . y <= 1, closing . y <= 1 } off one convex hull; None where Qhull gives up."""
-    from scipy.spatial import ConvexHull, QhullError
-
     points = np.concatenate([duals, closing])
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
+    hull = _convex_hull(points)
+    if hull is None:
         return None
     equations = hull.equations
     if equations[:, 3].max() >= 0.0:
@@ -119,6 +119,35 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     rows = np.flatnonzero(np.diff(start))
     compact = np.concatenate([start[rows], start[-1:]])
     return DualHull(-unique[:, :3] / unique[:, 3:4], compact, ring, rows, True)
+
+
+def _convex_hull(points: NDArray[np.float64]) -> Any:
+    """Call Qhull; None where it gives up.
+
+    Qhull cannot be interrupted, and Python hears signals only between its own steps: a long call runs
+    beside the thread that waits for it, and is left alone when that one is interrupted.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    def call() -> None:
+        try:
+            answer.append(ConvexHull(points))
+        except QhullError:
+            answer.append(None)
+        except BaseException as error:
+            answer.append(error)
+
+    answer: list[Any] = []
+    if len(points) < _LONG_HULL:
+        call()
+    else:
+        worker = Thread(target=call, daemon=True)
+        worker.start()
+        while worker.is_alive():
+            worker.join(0.05)
+    if isinstance(answer[0], BaseException):
+        raise answer[0]
+    return answer[0]
 
 
 def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
