@@ -9,6 +9,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import N_BINS, deepest_point, tightest_by_direction
 from voxkernel._exact_program import as_integers, deepest_rational_point, kernel_of_rows, rank_of
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces import HalfSpaces
@@ -81,8 +82,6 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
 
 def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
     """Grow a working set until it is proven solid or empty, or floating point has said all it can."""
-    from voxkernel._loops.linear_program import N_BINS, deepest_point, tightest_by_direction
-
     normals, offsets, errors = halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     basis, multipliers, point = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
@@ -99,7 +98,6 @@ def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasib
             normals,
             offsets,
             rows,
-            len(rows),
             _BOXES[box],
             basis,
             multipliers,

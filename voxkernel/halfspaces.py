@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isqrt
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points, read_only
+from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
 from voxkernel._exact_program import rank_of
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
@@ -91,8 +91,6 @@ class HalfSpaces:
         MeshError
             If no facet has an area.
         """
-        from voxkernel._loops.planes import boundary_is_zero, coordinate_range, facet_planes
-
         vertices, corners = mesh.vertices, mesh.plane_corners
         low, high, smallest = coordinate_range(vertices)
         origin, scale = _local_frame(low, high)
@@ -100,10 +98,8 @@ class HalfSpaces:
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
         areas, errors = np.empty(n), np.empty(n)
-        with ThreadPoolExecutor(1) as pool:  # both loops run without the interpreter lock
-            balanced = pool.submit(boundary_is_zero, mesh.faces, len(vertices))
-            undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
-            bounds_volume = bool(balanced.result())
+        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+        bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
         if undecided:
             frame = (origin, scale, bits)
             for i in np.flatnonzero(errors == -1.0):
@@ -308,31 +304,7 @@ class HalfSpaces:
         Facets so thin that their rounded planes differ are left alone, and so are surfaces with
         coordinates beyond 2**-300 .. 2**300; merging saves work, no answer depends on it.
         """
-        from voxkernel._loops.coplanar import coplanar_groups
-
-        used = np.abs(self._vertices[self._corners[self._corners[:, 0] >= 0]])
-        if used.size == 0 or used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
-            return np.arange(len(self))
-        # A fixed generic direction in (n, d): coplanar facets have nearly the same key.
-        keys = (
-            self.local_normals @ np.array([0.4142135, 0.7320508, -0.2360679]) + 0.6457513 * self.local_offsets
-        )
-        order = np.argsort(keys, kind="stable")
-        groups = np.empty(len(self), np.int64)
-        coplanar_groups(
-            self.local_normals,
-            self.local_offsets,
-            self._vertices,
-            self._corners,
-            order,
-            keys[order],
-            1e-11,
-            groups,
-        )
-        # Name each group by its first facet, whatever the order of the keys was.
-        first = np.full(len(self), len(self))
-        np.minimum.at(first, groups, np.arange(len(self)))
-        return first[groups]
+        return coplanar_groups(self.local_normals, self.local_offsets, self._vertices, self._corners)
 
     def merged(self) -> HalfSpaces:
         """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""

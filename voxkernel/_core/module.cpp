@@ -6,6 +6,8 @@
 
 namespace voxkernel {
 
+void bind_convexity(nb::module_& m);
+void bind_linear_program(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
 
@@ -23,6 +25,8 @@ NB_MODULE(_core, m) {
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_convexity(m);
+  bind_linear_program(m);
   bind_planes(m);
   bind_predicates(m);
 }
