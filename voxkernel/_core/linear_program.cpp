@@ -7,6 +7,15 @@
 namespace voxkernel {
 namespace {
 
+// Keeps the compiler from computing a maximum step after step where a jump is hardly ever taken.
+inline bool is_rare(bool condition) {
+#if defined(__GNUC__)
+  return __builtin_expect(condition, false);
+#else
+  return condition;
+#endif
+}
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Index kStalled = 12;
 
@@ -104,7 +113,7 @@ struct Program {
       const Index i = rows[w];
       const double* n = normals[i];
       const double violation = n[0] * x + n[1] * y + n[2] * z + t - offsets[i];
-      if (violation > worst) {
+      if (is_rare(violation > worst)) {
         worst = violation;
         entering = 7 + w;
         if (any) break;
@@ -132,6 +141,7 @@ int leaving_member(Span<const Index> basis, Span<const double> multipliers, cons
 }
 
 // Direction bin of a normal: a face of the cube and a cell of its 8 x 8 grid.
+// Neighbours in a mesh look much the same way: the jumps are foreseen, and faster than any way around them.
 int bin_of(const double* n) {
   const double ax = std::abs(n[0]), ay = std::abs(n[1]), az = std::abs(n[2]);
   int face;
@@ -151,7 +161,59 @@ int bin_of(const double* n) {
   return (face * 8 + p) * 8 + q;
 }
 
-double length_plus_one(const double* p) { return std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) + 1.0; }
+double length(const double* p) { return std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]); }
+
+#if defined(__GNUC__)
+#define VOXKERNEL_INLINE inline __attribute__((always_inline))
+#else
+#define VOXKERNEL_INLINE inline
+#endif
+
+// How far a point is inside some planes, less what that may be wrong by.
+struct Margins {
+  const double* normals;
+  const double* offsets;
+  const double* errors;
+  double x, y, z, size, slack_error;
+
+  VOXKERNEL_INLINE void fill(Index count, double* __restrict margins) const {
+    const double* __restrict n = normals;
+    const double* __restrict d = offsets;
+    const double* __restrict e = errors;
+    for (Index i = 0; i < count; ++i) {
+      const double slack = d[i] - (n[3 * i] * x + n[3 * i + 1] * y + n[3 * i + 2] * z);
+      margins[i] = slack - (e[i] * size + slack_error);
+    }
+  }
+};
+
+#if defined(__x86_64__) && defined(__GNUC__)
+// The same operations on wider registers, so the same results.
+__attribute__((target("avx2"))) void fill_wide(const Margins& planes, Index count, double* margins) {
+  planes.fill(count, margins);
+}
+void fill_margins(const Margins& planes, Index count, double* margins) {
+  if (__builtin_cpu_supports("avx2")) {
+    fill_wide(planes, count, margins);
+  } else {
+    planes.fill(count, margins);
+  }
+}
+#else
+void fill_margins(const Margins& planes, Index count, double* margins) { planes.fill(count, margins); }
+#endif
+
+// Calls `visit(i)` for every i < n; asks to stop between blocks only, as counting every step would take longer than a
+// plane does.
+template <typename Visit>
+void each_plane(Index n, Stop& stop, Visit&& visit) {
+  constexpr Index block = 1024;
+  for (Index first = 0; first < n; first += block) {
+    const Index last = std::min(n, first + block);
+    stop.poll(last - first);
+    for (Index i = first; i < last; ++i) visit(i);
+  }
+}
 
 }  // namespace
 
@@ -196,21 +258,20 @@ Index deepest_point(Points normals, Doubles offsets, Indices rows, double box, S
 // Planes with slack >= limit are left out of the bins. `ids` is -1 where a bin is empty.
 Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, const double* point, double limit,
                                Span<Index> ids, Span<double> slacks, Stop& stop) {
-  const double x = point[0], y = point[1], z = point[2];
-  const double size = length_plus_one(point);
   std::fill(ids.begin(), ids.end(), -1);
   std::fill(slacks.begin(), slacks.end(), kInfinity);
-  Tightest result{kInfinity, kInfinity, -1};
-  for (Index i = 0; i < offsets.size(); ++i) {
-    stop.poll();
+  const double x = point[0], y = point[1], z = point[2], size = length(point) + 1.0;
+  double smallest = kInfinity, certain = kInfinity;
+  Index where = -1;
+  each_plane(offsets.size(), stop, [&](Index i) {
     const double* n = normals[i];
     const double slack = offsets[i] - (n[0] * x + n[1] * y + n[2] * z);
-    if (slack < result.smallest) {
-      result.smallest = slack;
-      result.where = i;
-    }
     const double safe = slack - errors[i] * size;
-    if (safe < result.certain) result.certain = safe;
+    if (safe < certain) certain = safe;
+    if (is_rare(slack < smallest)) {
+      smallest = slack;
+      where = i;
+    }
     if (slack < limit) {
       const int b = bin_of(n);
       if (slack < slacks[b]) {
@@ -218,22 +279,33 @@ Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, 
         ids[b] = i;
       }
     }
-  }
-  return result;
+  });
+  return {smallest, certain, where};
 }
 
 // One pass: lists the planes whose sign at a point is not certainly negative (inside).
 // `slack_error` is a bound on the distance between `point` and the exact point meant.
 std::vector<Index> plane_signs(Points normals, Doubles offsets, Doubles errors, const double* point, double slack_error,
                                Stop& stop) {
-  const double x = point[0], y = point[1], z = point[2];
-  const double size = length_plus_one(point);
+  constexpr Index block = 512;
+  double margins[block];
   std::vector<Index> undecided;
-  for (Index i = 0; i < offsets.size(); ++i) {
-    stop.poll();
-    const double* n = normals[i];
-    const double value = n[0] * x + n[1] * y + n[2] * z - offsets[i];
-    if (value >= -(errors[i] * size + slack_error)) undecided.push_back(i);
+  for (Index first = 0; first < offsets.size(); first += block) {
+    const Index count = std::min(block, offsets.size() - first);
+    stop.poll(count);
+    const Margins planes{normals.data() + 3 * first,
+                         offsets.data() + first,
+                         errors.data() + first,
+                         point[0],
+                         point[1],
+                         point[2],
+                         length(point) + 1.0,
+                         slack_error};
+    fill_margins(planes, count, margins);
+    // The sign of a rounded difference is exact.
+    for (Index i = 0; i < count; ++i) {
+      if (is_rare(margins[i] <= 0.0)) undecided.push_back(first + i);
+    }
   }
   return undecided;
 }

@@ -7,6 +7,7 @@
 namespace voxkernel {
 
 void bind_convexity(nb::module_& m);
+void bind_feasibility(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
@@ -26,6 +27,7 @@ NB_MODULE(_core, m) {
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
   bind_convexity(m);
+  bind_feasibility(m);
   bind_linear_program(m);
   bind_planes(m);
   bind_predicates(m);
