@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import N_BINS, tightest_by_direction
 from voxkernel._exact_polytope import RationalPolytope, clip_interval, clip_polygon, clip_polyhedron
 from voxkernel.feasibility import Feasibility
 from voxkernel.halfspaces import HalfSpaces
@@ -144,8 +145,6 @@ def _well_spread(normals: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
-    from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
-
     assert inside.local_point is not None
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     tightest_by_direction(

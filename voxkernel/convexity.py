@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import coordinate_range, edge_convexity, halfedge_twins
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 
@@ -21,14 +22,11 @@ def edge_convexity_of(
 
     Coordinates outside 2**-300 .. 2**300 are beyond the exact predicate and give 0.
     """
-    from voxkernel._loops.convexity import edge_convexity, halfedge_twins
-    from voxkernel._loops.planes import coordinate_range
-
     low, high, smallest = coordinate_range(vertices)
     if max(np.abs(low).max(), np.abs(high).max()) > 2.0**300 or smallest < 2.0**-300:
         return 0
     twins = halfedge_twins(faces, len(vertices))
-    return int(edge_convexity(vertices, faces, twins, face_planes, plane_corners))
+    return edge_convexity(vertices, faces, twins, face_planes, plane_corners)
 
 
 def is_locally_convex(mesh: TriangleMesh, halfspaces: HalfSpaces) -> bool:

@@ -9,17 +9,13 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import find_deep_point
 from voxkernel._exact_program import as_integers, deepest_rational_point, kernel_of_rows, rank_of
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.predicates import touched_and_violated
 
 __all__ = ["Feasibility", "Witness", "find_feasibility"]
-
-_SHARE = 0.5  # a point is deep enough at this share of the proven largest depth
-_BOXES = (4.0, 2.0**12, 2.0**26)
-_MAX_ROUNDS = 60
-_EXACT_ROWS = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,62 +77,16 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
 
 def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
     """Grow a working set until it is proven solid or empty, or floating point has said all it can."""
-    from voxkernel._loops.linear_program import N_BINS, deepest_point, tightest_by_direction
-
-    normals, offsets, errors = halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
-    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-    basis, multipliers, point = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
-    passes = 0
-    n = len(halfspaces)
-    if n <= N_BINS:
-        rows = np.arange(n)
-    else:
-        rows = np.arange(0, n, max(1, n // 256))
-    best: tuple[float, NDArray[np.float64]] | None = None
-    box = 0
-    for _ in range(_MAX_ROUNDS):
-        steps = deepest_point(
-            normals,
-            offsets,
-            rows,
-            len(rows),
-            _BOXES[box],
-            basis,
-            multipliers,
-            point,
-            1e-15 * _BOXES[box],
-            400,
-        )
-        if steps < 0:
-            break
-        upper = point[3]
-        at_box = bool(((basis < 6) & (multipliers > 1e-13)).any())
-        if upper < 0.0:
-            if at_box:
-                if box + 1 == len(_BOXES):
-                    break
-                box += 1
-                continue
-            used = rows[basis[(basis >= 7) & (multipliers > 0.0)] - 7]
-            witness = _empty_witness(halfspaces, used)
-            if witness is None:
-                break
-            return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, float(-upper), passes)
-        smallest, certain, _ = tightest_by_direction(normals, offsets, errors, point[:3], upper, ids, slacks)
-        passes += 1
-        if certain > 0.0 and (best is None or smallest > best[0]):
-            best = (smallest, point[:3].copy())
-        fresh = np.setdiff1d(ids[ids >= 0], rows)
-        if (best is not None and best[0] >= _SHARE * upper) or not len(fresh):
-            break
-        rows = np.concatenate([rows, fresh])
-    if best is None:
-        near = offsets[rows] - normals[rows] @ point[:3]
-        return rows[np.argsort(near, kind="stable")[:_EXACT_ROWS]], passes, None
-    depth, local = best
-    x, y, z = halfspaces.to_lattice(local)
+    rows, opposing, gap, depth, point, nearest, passes = find_deep_point(
+        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
+    )
+    witness = _empty_witness(halfspaces, opposing)
+    if witness is not None:
+        return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, gap, passes)
+    if depth == 0.0:
+        return nearest, passes, None
     every = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    return rows, passes, Feasibility(3, (x, y, z), every, (), rows, local, depth, passes)
+    return rows, passes, Feasibility(3, halfspaces.to_lattice(point), every, (), rows, point, depth, passes)
 
 
 def _empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | None:

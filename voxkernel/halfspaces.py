@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import isqrt
+from math import frexp, isqrt, ldexp, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points, read_only
+from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
 from voxkernel._exact_program import rank_of
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
@@ -91,8 +91,6 @@ class HalfSpaces:
         MeshError
             If no facet has an area.
         """
-        from voxkernel._loops.planes import boundary_is_zero, coordinate_range, facet_planes
-
         vertices, corners = mesh.vertices, mesh.plane_corners
         low, high, smallest = coordinate_range(vertices)
         origin, scale = _local_frame(low, high)
@@ -100,10 +98,8 @@ class HalfSpaces:
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
         areas, errors = np.empty(n), np.empty(n)
-        with ThreadPoolExecutor(1) as pool:  # both loops run without the interpreter lock
-            balanced = pool.submit(boundary_is_zero, mesh.faces, len(vertices))
-            undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
-            bounds_volume = bool(balanced.result())
+        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+        bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
         if undecided:
             frame = (origin, scale, bits)
             for i in np.flatnonzero(errors == -1.0):
@@ -237,11 +233,11 @@ class HalfSpaces:
 
     def to_lattice(self, local: NDArray[np.float64]) -> tuple[Fraction, Fraction, Fraction]:
         """Map a local double point to exact lattice coordinates (world times 2**bits)."""
-        factor = Fraction(self.scale) * (1 << self._lattice_bits)
-        shift = 1 << self._lattice_bits
+        unit, per_scale = self.scale.as_integer_ratio()
+        unit <<= self._lattice_bits
         x, y, z = (
-            Fraction(float(v)) * factor + Fraction(float(o)) * shift
-            for v, o in zip(local, self.origin, strict=True)
+            _dyadic_sum(v * unit, w * per_scale, o << self._lattice_bits, p)
+            for (v, w), (o, p) in zip(_ratios(local), _ratios(self.origin), strict=True)
         )
         return x, y, z
 
@@ -258,14 +254,12 @@ class HalfSpaces:
 
     def lattice_to_world(self, point: Sequence[Fraction | int]) -> tuple[Fraction, Fraction, Fraction]:
         """Map an exact lattice point to exact world coordinates."""
-        shift = 1 << self._lattice_bits
-        x, y, z = (Fraction(v) / shift for v in point)
+        x, y, z = (Fraction(v.numerator, v.denominator << self._lattice_bits) for v in point)
         return x, y, z
 
     def world_to_lattice(self, point: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
         """Map an exact world point to exact lattice coordinates."""
-        shift = 1 << self._lattice_bits
-        x, y, z = (Fraction(v) * shift for v in point)
+        x, y, z = (Fraction(v.numerator << self._lattice_bits, v.denominator) for v in point)
         return x, y, z
 
     @property
@@ -308,31 +302,7 @@ class HalfSpaces:
         Facets so thin that their rounded planes differ are left alone, and so are surfaces with
         coordinates beyond 2**-300 .. 2**300; merging saves work, no answer depends on it.
         """
-        from voxkernel._loops.coplanar import coplanar_groups
-
-        used = np.abs(self._vertices[self._corners[self._corners[:, 0] >= 0]])
-        if used.size == 0 or used.max() > 2.0**300 or np.min(used, where=used > 0, initial=1.0) < 2.0**-300:
-            return np.arange(len(self))
-        # A fixed generic direction in (n, d): coplanar facets have nearly the same key.
-        keys = (
-            self.local_normals @ np.array([0.4142135, 0.7320508, -0.2360679]) + 0.6457513 * self.local_offsets
-        )
-        order = np.argsort(keys, kind="stable")
-        groups = np.empty(len(self), np.int64)
-        coplanar_groups(
-            self.local_normals,
-            self.local_offsets,
-            self._vertices,
-            self._corners,
-            order,
-            keys[order],
-            1e-11,
-            groups,
-        )
-        # Name each group by its first facet, whatever the order of the keys was.
-        first = np.full(len(self), len(self))
-        np.minimum.at(first, groups, np.arange(len(self)))
-        return first[groups]
+        return coplanar_groups(self.local_normals, self.local_offsets, self._vertices, self._corners)
 
     def merged(self) -> HalfSpaces:
         """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""
@@ -419,20 +389,22 @@ def _power_of_two(value: float) -> float:
     """Choose the smallest power of two that is at least `value`, so that scaling is exact."""
     if value == 0.0:
         return 1.0
-    mantissa, exponent = np.frexp(value)
-    return float(np.ldexp(1.0, int(exponent) - (mantissa == 0.5)))
+    mantissa, exponent = frexp(value)
+    return ldexp(1.0, exponent - (mantissa == 0.5))
 
 
 def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    largest = max(np.abs(low).max(), np.abs(high).max())
-    if largest > _LARGEST or (high - low).max() < 1 / _LARGEST:
+    lower, upper = low.tolist(), high.tolist()
+    largest = max(map(abs, lower + upper))
+    span = max(v - u for u, v in zip(lower, upper, strict=True))
+    if largest > _LARGEST or span < 1 / _LARGEST:
         raise MeshError(
             "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
-            f"got a largest coordinate of {largest:.3g} and a span of {(high - low).max():.3g} (rescale first)"
+            f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
         )
-    origin = low + 0.5 * (high - low)
-    reach = float(np.linalg.norm(np.maximum(high - origin, origin - low)))
-    return origin, _power_of_two(reach * (1 + 1e-12))
+    origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
+    square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))
+    return np.array(origin), _power_of_two(sqrt(square) * (1 + 1e-12))
 
 
 def _lattice_bits(values: NDArray[np.float64]) -> int:
@@ -446,15 +418,31 @@ def _lattice_bits(values: NDArray[np.float64]) -> int:
 def _bits_of(smallest: float) -> int:
     if smallest == np.inf:
         return 0
-    return max(0, 53 - int(np.frexp(smallest)[1]))
+    return max(0, 53 - frexp(smallest)[1])
 
 
 def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
     """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
     for rows in (normals[:: max(1, len(normals) // 64)], normals):
-        if np.linalg.eigvalsh(rows.T @ rows)[0] > 1e-9 * len(rows):
+        if _least_spread(rows) > 1e-9:
             return True
     return rank_of(exact) == 3
+
+
+def _least_spread(normals: NDArray[np.float64]) -> float:
+    """A lower bound of the mean square of unit normals along any direction, up to rounding."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (normals.T @ normals / len(normals)).tolist()
+    # The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
+    return 4.0 * (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz))
+
+
+def _ratios(values: NDArray[np.float64]) -> list[tuple[int, int]]:
+    return [v.as_integer_ratio() for v in values.tolist()]
+
+
+def _dyadic_sum(a: int, p: int, b: int, q: int) -> Fraction:
+    """Add a / p and b / q for powers of two p and q."""
+    return Fraction(a + b * (p // q), p) if p >= q else Fraction(a * (q // p) + b, q)
 
 
 def _to_float(value: Fraction) -> float:

@@ -217,11 +217,11 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
     unclipped = inside if domain is None else find_feasibility(halfspaces)
-    point = unclipped.point
+    point = unclipped.local_point
     clip: dict[str, Any] = {
         "domain": domain,
         "unclipped_dimension": unclipped.dimension,
-        "unclipped_point": None if point is None else halfspaces.to_world(halfspaces.from_lattice(point)),
+        "unclipped_point": None if point is None else halfspaces.to_world(point),
     }
     if inside.dimension < 0:
         certificate = certify(planes, inside, [])

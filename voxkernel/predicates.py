@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import plane_signs
 from voxkernel.halfspaces import HalfSpaces
 
 __all__ = ["exact_slacks", "planes_not_clear", "touched_and_violated"]
@@ -31,22 +32,13 @@ def planes_not_clear(halfspaces: HalfSpaces, point: Sequence[Fraction | int]) ->
 
     One pass over all planes. A plane that is not listed has the point strictly inside.
     """
-    from voxkernel._loops.linear_program import plane_signs
-
     local = halfspaces.from_lattice(point)
     if not np.abs(local).max() < _FAR:
         return np.arange(len(halfspaces))
     rounding = 2 * _UNIT * float(np.linalg.norm(local)) + 1e-300
-    undecided = np.empty(len(halfspaces), np.int64)
-    count = plane_signs(
-        halfspaces.local_normals,
-        halfspaces.local_offsets,
-        halfspaces.local_errors,
-        local,
-        rounding,
-        undecided,
+    return plane_signs(
+        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors, local, rounding
     )
-    return undecided[:count]
 
 
 def touched_and_violated(

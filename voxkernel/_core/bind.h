@@ -29,8 +29,8 @@ inline auto array(const char* name) { return nb::arg(name).noconvert(); }
 // The last argument of loops that may run in several threads.
 inline auto stop_argument() { return nb::arg("stop").none() = nb::none(); }
 
-template <typename T>
-Span<T> span(const Array1<T>& array) {
+template <typename T, nb::ssize_t N>
+Span<T> span(const Array<T, N>& array) {
   return {array.data(), static_cast<Index>(array.shape(0))};
 }
 template <typename T, nb::ssize_t N>
