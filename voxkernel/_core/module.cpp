@@ -6,6 +6,7 @@
 
 namespace voxkernel {
 
+void bind_cells(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
 
@@ -23,6 +24,7 @@ NB_MODULE(_core, m) {
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_cells(m);
   bind_planes(m);
   bind_predicates(m);
 }
