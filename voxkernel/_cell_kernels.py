@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,9 @@ from numpy.typing import NDArray
 
 from voxkernel._cell_sides import exact_volume
 from voxkernel._checks import read_only
+from voxkernel._core import StopFlag, solve_cells, squared_diameter
 from voxkernel._polyhedral_mesh import PolyhedralMesh
+from voxkernel._threads import run_parts
 from voxkernel.convexity import is_locally_convex
 from voxkernel.errors import VoxKernelError
 from voxkernel.halfspaces import HalfSpaces
@@ -201,25 +202,18 @@ def solve(mesh: PolyhedralMesh, rtol: float, threads: int) -> CellKernels:
 
 def _run_loop(mesh: PolyhedralMesh, rtol: float, threads: int, found: _Answers) -> None:
     """Share the cells out; every cell is solved by itself, so the order does not matter."""
-    from voxkernel._loops.cells import solve_cells
-
     arrays = (
         mesh.vertices, mesh.face_offsets, mesh.face_vertices, mesh.cell_offsets, mesh.cell_faces, mesh.cell_flips,
     )  # fmt: skip
     n = len(mesh)
     step = max(_CHUNK, -(-n // threads)) if threads == 1 else max(256, min(_CHUNK, -(-n // threads)))
 
-    def part(first: int) -> None:
+    def part(first: int, stop: StopFlag) -> None:
         solve_cells(
-            *arrays, first, min(n, first + step), rtol, found.outcome, found.numbers, found.center, found.witness
+            *arrays, first, min(n, first + step), rtol, found.outcome, found.numbers, found.center, found.witness, stop
         )
 
-    if threads == 1:
-        for first in range(0, n, step):
-            part(first)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(part, range(0, n, step)))
+    run_parts(part, range(0, n, step), threads)
 
 
 def _fault(outcome: int, number: float) -> str:
@@ -265,7 +259,5 @@ def _solve_exactly(mesh: PolyhedralMesh, i: int, rtol: float, found: _Answers) -
 
 def _diameter(points: NDArray[np.float64]) -> float:
     """Largest distance of two points of a few."""
-    from voxkernel._loops.cell_planes import squared_diameter
-
     span = float(np.ptp(points, axis=0).max()) or 1.0
-    return float(np.sqrt(squared_diameter((points - points[0]) / span, len(points)))) * span
+    return float(np.sqrt(squared_diameter((points - points[0]) / span))) * span

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import orient_cells
 from voxkernel._zero_area import exact_integers
 
 __all__ = ["cell_polygons", "exact_volume", "outward"]
@@ -68,8 +69,6 @@ def outward(
     problems: list[str],
 ) -> int:
     """Turn the faces of every cell outward by changing `flips`; count the cells with a turned face."""
-    from voxkernel._loops.cell_sides import orient_cells
-
     arrays = (vertices, face_offsets, face_vertices, cell_offsets, cell_faces)
     answer = np.zeros(len(cell_offsets) - 1, np.int64)
     orient_cells(*arrays, flips, answer)

@@ -11,6 +11,8 @@ void bind_feasibility(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
+void bind_cells(nb::module_& m);
+void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
 
 }  // namespace voxkernel
@@ -32,5 +34,7 @@ NB_MODULE(_core, m) {
   bind_linear_program(m);
   bind_planes(m);
   bind_polyhedron(m);
+  bind_cells(m);
+  bind_planes(m);
   bind_predicates(m);
 }
