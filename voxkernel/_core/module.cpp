@@ -6,7 +6,9 @@
 
 namespace voxkernel {
 
+void bind_grid_query(nb::module_& m);
 void bind_planes(nb::module_& m);
+void bind_sphere(nb::module_& m);
 
 }  // namespace voxkernel
 
@@ -22,5 +24,7 @@ NB_MODULE(_core, m) {
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_grid_query(m);
   bind_planes(m);
+  bind_sphere(m);
 }
