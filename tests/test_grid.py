@@ -519,7 +519,8 @@ def test_the_grid_imports_numpy_only_and_no_geometry():
             elif isinstance(node, ast.ImportFrom):
                 allowed = ("numpy", "voxkernel", "collections.abc", "dataclasses", "typing")
                 assert node.module.startswith(allowed), node.module
-                if node.module.startswith("voxkernel."):
-                    assert node.module.split(".")[1] in {"_cells", "_checks", "_morton", "_leaf_bits"} or (
-                        node.module.startswith(("voxkernel._grid", "voxkernel._loops.grid"))
-                    )
+                if node.module == "voxkernel._core":
+                    assert {a.name.rpartition("_in_")[0] for a in node.names} == {"voxels", "points"}
+                elif node.module.startswith("voxkernel."):
+                    own = {"_cells", "_checks", "_morton", "_leaf_bits"}
+                    assert node.module.split(".")[1] in own or node.module.startswith("voxkernel._grid")

@@ -1,5 +1,7 @@
 """The surface kernel of 3D shapes: the points from which the whole surface can be seen."""
 
+# First of all: it says how to install where the compiled core is missing.
+from voxkernel import _core_check as _core_check
 from voxkernel.errors import VoxKernelError
 from voxkernel.evaluate import EvaluateSettings, evaluate
 from voxkernel.grid import SparseGrid

@@ -10,6 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._core import (
+    boundary_field,
+    cone_angle,
+    cone_angles,
+    density_moments,
+    edges_meet,
+    nearest_point,
+    triangle_angles,
+)
 from voxkernel._facts import half_edges
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
@@ -110,22 +119,16 @@ class Boundary:
 
     def derivatives(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Gradient and Hessian of the solid angle at x: they depend on the boundary only."""
-        from voxkernel._loops.sphere import boundary_field
-
         gradient, hessian = np.empty(3), np.empty((3, 3))
         boundary_field(self.starts, self.ends, x, gradient, hessian)
         return gradient, hessian
 
     def angle(self, x: NDArray[np.float64]) -> float:
         """Solid angle at x between 0 and 4 pi, right up to multiples of 4 pi."""
-        from voxkernel._loops.sphere import cone_angle
-
         return _wrapped(cone_angle(self.starts, self.ends, self.apex, x))
 
     def angles(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """`angle` of many points."""
-        from voxkernel._loops.sphere import cone_angles
-
         values = np.empty(len(points))
         cone_angles(self.starts, self.ends, self.apex, points, values)
         return _wrapped(values)
@@ -186,11 +189,9 @@ def solid_angles(
     mesh: TriangleMesh, center: NDArray[np.float64], side: NDArray[np.int8]
 ) -> tuple[NDArray[np.float64], float, float]:
     """Signed solid angle of each triangle, their sum, and the sum of their sizes; steradian."""
-    from voxkernel._loops.sphere import triangle_angles
-
     angles = np.empty(len(mesh.faces))
     total, size = triangle_angles(mesh.vertices, mesh.faces, center, side, angles)
-    return angles, float(total), float(size)
+    return angles, total, size
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +217,6 @@ class Region:
 
     def nearest(self, y: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The point of the region nearest to y; None where rounding forbids to tell."""
-        from voxkernel._loops.sphere import nearest_point
-
         found = np.empty(3)
         return found if nearest_point(self.normals, self.offsets, y, _TOLERANCE, found) else None
 
@@ -398,9 +397,7 @@ def coverage_optimum(mesh: TriangleMesh, region: Region) -> tuple[NDArray[np.flo
 
 def _touches(own: Boundary, region: Region) -> bool:
     """Whether an edge of the boundary curve meets a region, or nearly so."""
-    from voxkernel._loops.sphere import edges_meet
-
-    return bool(edges_meet(own.starts, own.ends, region.normals, region.offsets + 1e-9))
+    return edges_meet(own.starts, own.ends, region.normals, region.offsets + 1e-9)
 
 
 def _polished(own: Boundary, field: Field, region: Region, y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -490,8 +487,6 @@ def distortion_optimum(
     mesh: TriangleMesh, areas: NDArray[np.float64], region: Region, starts: list[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Find a kernel point with the least area distortion, from world points to start at; a local search."""
-    from voxkernel._loops.sphere import density_moments
-
     total_area = float(areas.sum())
 
     def field(y: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:

@@ -1,7 +1,4 @@
-"""Which cell covers a voxel: binary search along the Morton curve, or a table where the grid is compact.
-
-Long lists go to the compiled loops of `_loops/grid_query.py`, with the same answers.
-"""
+"""Which cell covers a voxel: binary search along the Morton curve, or a table where the grid is compact."""
 
 from typing import Any, NamedTuple, Self
 
@@ -9,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._cells import Cells
+from voxkernel._core import points_in_runs, points_in_table, voxels_in_runs, voxels_in_table
 from voxkernel._leaf_bits import FULL
 from voxkernel._morton import REACH, count_up, decode, encode
 
-__all__ = ["MAX_TABLE", "MIN_COMPILED", "ActiveTable", "cells_of_points", "find_rows", "points_in", "voxels_in"]
-
-MIN_COMPILED = 100_000
-"""Fewer voxels than this are answered by NumPy: loading Numba takes longer."""
+__all__ = ["MAX_TABLE", "ActiveTable", "find_rows", "points_in", "voxels_in"]
 
 MAX_TABLE = 1 << 22
 """Most entries (4 bytes each) a table may have."""
@@ -76,49 +71,11 @@ class ActiveTable(NamedTuple):
         n_x, n_y, n_z = (int(n) for n in shape)
         return cls((x, y, z), (n_x, n_y, n_z), row, words.ravel())
 
-    def is_active(self, voxels: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
-        """Look up (n, 3) voxels."""
-        place = np.zeros(len(voxels), dtype=np.int64)
-        outside = np.zeros(len(voxels), dtype=np.bool_)
-        word = bit = place
-        for axis in range(3):
-            column = voxels[:, axis].astype(np.int64)
-            block = (column >> 3) - self.low[axis]
-            outside |= block.view(np.uint64) >= np.uint64(self.shape[axis])  # catches negative ones too
-            place = place * self.shape[axis] + block
-            if axis == 0:
-                word = column & 7
-            else:
-                bit = (column & 7) if axis == 1 else (bit << 3) | (column & 7)
-        place[outside] = 0
-        word += self.row.take(place).astype(np.int64) << 3
-        active = (self.words.take(word) >> bit.view(np.uint64)) & np.uint64(1)
-        active[outside] = 0
-        return active.astype(np.bool_)
-
-
-def cells_of_points(
-    points: NDArray[np.float64], origin: NDArray[np.float64], to_cells: NDArray[np.float64]
-) -> NDArray[np.int64]:
-    """Voxels of world points: the same roundings in the same order as in the compiled loop.
-
-    What lies out of reach becomes a voxel just beyond it.
-    """
-    away = points - origin
-    cells = np.empty(points.shape)
-    for axis in range(3):
-        row = to_cells[axis]
-        cells[:, axis] = away[:, 0] * row[0] + away[:, 1] * row[1] + away[:, 2] * row[2]
-    np.floor(cells, out=cells)
-    return np.fmin(np.fmax(cells, -REACH - 1), REACH).astype(np.int64)
-
 
 def voxels_in(
     voxels: NDArray[np.integer[Any]], table: ActiveTable | None, cells: Cells, masks: NDArray[np.uint64]
 ) -> NDArray[np.bool_]:
-    """Which voxels (n, 3) are active, by the compiled loops."""
-    from voxkernel._loops.grid_query import voxels_in_runs, voxels_in_table
-
+    """Which voxels (n, 3) are active."""
     if voxels.dtype not in (np.dtype(np.int32), np.dtype(np.int64)):
         voxels = voxels.astype(np.int64)
     voxels = np.ascontiguousarray(voxels)
@@ -131,13 +88,19 @@ def voxels_in(
 
 
 def points_in(
-    points: NDArray[np.float64], origin: NDArray[np.float64], to_cells: NDArray[np.float64], table: ActiveTable
+    points: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    to_cells: NDArray[np.float64],
+    table: ActiveTable | None,
+    cells: Cells,
+    masks: NDArray[np.uint64],
 ) -> NDArray[np.bool_]:
-    """Which world points (n, 3) lie in active voxels, by the compiled loop."""
-    from voxkernel._loops.grid_query import points_in_table
-
+    """Which world points (n, 3) lie in active voxels; `to_cells` turns and scales them after `origin` is taken off."""
     active = np.empty(len(points), dtype=np.bool_)
-    points_in_table(points, origin, to_cells, *table, active)
+    if table is None:
+        points_in_runs(points, origin, to_cells, REACH, *cells, masks, active)
+    else:
+        points_in_table(points, origin, to_cells, *table, active)
     return active
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, read_only
+from voxkernel._core import settle_rays, triangle_distances
 from voxkernel._facts import half_edges
 from voxkernel._harmonics import MAX_DEGREE, Harmonics, fit_harmonics
 from voxkernel._sphere_grids import GridKind, SphereGrid, sphere_grid
@@ -151,7 +152,6 @@ def ray_radii(
     Open3D finds the triangle in single precision. In double precision the ray may pass a neighbour: it is
     followed there, and the distance is that of the triangle's plane.
     """
-    from voxkernel._loops.sphere import settle_rays
     from voxkernel._open3d import open3d
 
     o3d = open3d()
@@ -233,7 +233,6 @@ def _areas(mesh: TriangleMesh) -> NDArray[np.float64]:
 
 def _distances(source: TriangleMesh, target: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance from `target` of the used vertices and of the triangle centres of `source`."""
-    from voxkernel._loops.sphere import triangle_distances
     from voxkernel._open3d import open3d
 
     o3d: Any = open3d()

@@ -10,7 +10,7 @@ Conventions, said once for the whole library:
   aligned to its size, all of them active and of one value.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self, cast
 
@@ -32,15 +32,7 @@ from voxkernel._grid_checks import (
     linear_of,
     tiles_of,
 )
-from voxkernel._grid_query import (
-    MAX_TABLE,
-    MIN_COMPILED,
-    ActiveTable,
-    cells_of_points,
-    find_rows,
-    points_in,
-    voxels_in,
-)
+from voxkernel._grid_query import MAX_TABLE, ActiveTable, find_rows, points_in, voxels_in
 from voxkernel._leaf_bits import bit_bounds, popcount
 from voxkernel._morton import REACH, decode, encode, last_of
 
@@ -50,7 +42,7 @@ GridClass = Literal["unknown", "level set", "fog volume", "staggered"]
 GRID_CLASSES = ("unknown", "level set", "fog volume", "staggered")
 
 _set = object.__setattr__  # the dataclass is frozen for its users
-_QUERY_CHUNK = 1 << 15  # points per block: its temporaries stay in the processor's cache
+_MIN_TABLE_QUERIES = 1 << 16
 _SAME_CELL = 1e-6  # two transforms agree when they differ by less than this part of a voxel's edge
 
 
@@ -544,8 +536,7 @@ class SparseGrid:
         Notes
         -----
         O(n log c) for c tiles and leaves. A long list about a compact grid is answered from a table of its
-        8^3 blocks, made once: at most 16 MB, and never longer than the list. From 100,000 voxels on the loop
-        is a compiled one.
+        8^3 blocks, made once: at most 16 MB, and never longer than the list.
 
         Examples
         --------
@@ -553,31 +544,15 @@ class SparseGrid:
         array([ True, False])
         """
         voxels = integers("ijk", ijk)
-        query = self._query_for(len(voxels))
-        if len(voxels) >= MIN_COMPILED:
-            return voxels_in(voxels, self._table, self._cells(), self.leaf_mask)
-        active = np.empty(len(voxels), dtype=np.bool_)
-        for start in range(0, len(voxels), _QUERY_CHUNK):
-            active[start : start + _QUERY_CHUNK] = query(voxels[start : start + _QUERY_CHUNK])
-        return active
+        return voxels_in(voxels, self._table_for(len(voxels)), self._cells(), self.leaf_mask)
 
-    def _query_for(self, n_voxels: int) -> Callable[[NDArray[np.integer]], NDArray[np.bool_]]:
-        """The faster way to ask about this many voxels: a table unless it is longer than the list."""
-        if self._table is None and n_voxels >= 1 << 16:
+    def _table_for(self, n_queries: int) -> ActiveTable | None:
+        """The faster way to ask this often: a table, made once, unless it is longer than the list."""
+        if self._table is None and n_queries >= _MIN_TABLE_QUERIES:
             index = self._cells()
-            if 0 < ActiveTable.size_of(index.code, index.last) <= min(n_voxels, MAX_TABLE):
+            if 0 < ActiveTable.size_of(index.code, index.last) <= min(n_queries, MAX_TABLE):
                 _set(self, "_table", ActiveTable.build(*index, self.leaf_mask))
-        return self._is_active if self._table is None else self._table.is_active
-
-    def _is_active(self, voxels: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """One block of `is_active`, by search."""
-        rows, found = self._rows(voxels)
-        is_leaf = found & (rows >= 0)
-        at = voxels[is_leaf]
-        words = self.leaf_mask[rows[is_leaf], at[:, 0] & 7]
-        bits = (((at[:, 1] & 7) << 3) | (at[:, 2] & 7)).astype(np.uint64)
-        found[is_leaf] = (words >> bits) & np.uint64(1)
-        return found
+        return self._table
 
     def _rows(self, voxels: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Row of the leaf (or ``~row`` of the tile) that covers each voxel, and whether there is one."""
@@ -791,16 +766,9 @@ class SparseGrid:
         """
         points = as_points("xyz", xyz)
         to_cells = np.asarray(np.linalg.inv(self.linear), dtype=np.float64)
-        query = self._query_for(len(points))
-        is_long = len(points) >= MIN_COMPILED
-        if is_long and self._table is not None:
-            return points_in(points, self.origin, to_cells, self._table)
-        active = np.empty(len(points), dtype=np.bool_)
-        for start in range(0, len(points), _QUERY_CHUNK):
-            cells = cells_of_points(points[start : start + _QUERY_CHUNK], self.origin, to_cells)
-            found = voxels_in(cells, self._table, self._cells(), self.leaf_mask) if is_long else query(cells)
-            active[start : start + _QUERY_CHUNK] = found
-        return active
+        return points_in(
+            points, self.origin, to_cells, self._table_for(len(points)), self._cells(), self.leaf_mask
+        )
 
     # -- set operations ----------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
+from voxkernel._core import directions_and_radii
 from voxkernel._coverage import (
     Boundary,
     CoverageCertificate,
@@ -430,8 +431,6 @@ def _project(
     notes: tuple[str, ...] = (),
 ) -> SphericalMap:
     """Measure everything at a centre."""
-    from voxkernel._loops.sphere import directions_and_radii
-
     if kernel is None:
         violated = _turned_away(halfspaces, point)
     else:

@@ -14,6 +14,9 @@ void bind_polyhedron(nb::module_& m);
 void bind_cells(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
+void bind_grid_query(nb::module_& m);
+void bind_planes(nb::module_& m);
+void bind_sphere(nb::module_& m);
 
 }  // namespace voxkernel
 
@@ -37,4 +40,7 @@ NB_MODULE(_core, m) {
   bind_cells(m);
   bind_planes(m);
   bind_predicates(m);
+  bind_grid_query(m);
+  bind_planes(m);
+  bind_sphere(m);
 }

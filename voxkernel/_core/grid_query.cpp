@@ -1,0 +1,123 @@
+#include "grid_query.h"
+
+#include <algorithm>
+
+#include "stretches.h"
+
+namespace voxkernel {
+namespace {
+
+constexpr double kFar = 0x1p26;  // beyond every grid, and still exact as an integer
+
+// Whether a voxel is active, without a branch: half of the queries would guess it wrong.
+// Unsigned throughout: a voxel far away wraps around before it is found to be outside.
+inline bool is_active(const BlockTable& table, Index x, Index y, Index z) {
+  const auto block = [&](Index coordinate, int axis) {
+    return static_cast<std::uint64_t>(coordinate >> 3) - static_cast<std::uint64_t>(table.low[axis]);
+  };
+  const auto extent = [&](int axis) { return static_cast<std::uint64_t>(table.shape[axis]); };
+  const std::uint64_t bx = block(x, 0), by = block(y, 1), bz = block(z, 2);
+  const std::uint64_t is_in =
+      std::uint64_t{bx < extent(0)} & std::uint64_t{by < extent(1)} & std::uint64_t{bz < extent(2)};
+  const std::uint64_t place = ((bx * extent(1) + by) * extent(2) + bz) * is_in;
+  const std::uint64_t word = table.words[Index{table.row[static_cast<Index>(place)]} << 3 | (x & 7)];
+  return (word >> ((y & 7) << 3 | (z & 7)) & is_in) != 0;
+}
+
+// Voxel coordinate of a float, rounded down; what is out of reach, or NaN, stays out of reach.
+inline std::int32_t cell(double value) {
+  double near = value < kFar ? value : kFar;
+  near = near > -kFar ? near : -kFar;
+  const auto towards_zero = static_cast<std::int32_t>(near);
+  return towards_zero - (near < towards_zero);
+}
+
+// 21 bits with two zero bits between them.
+inline Index spread(Index value) {
+  value = (value | (value << 32)) & 0x1F00000000FFFF;
+  value = (value | (value << 16)) & 0x1F0000FF0000FF;
+  value = (value | (value << 8)) & 0x100F00F00F00F00F;
+  value = (value | (value << 4)) & 0x10C30C30C30C30C3;
+  return (value | (value << 2)) & 0x1249249249249249;
+}
+
+// The last run that begins at or before a code, 0 where none does; there must be a run.
+inline Index run_of(Indices code, Index at) {
+  Index first = 0;
+  for (Index length = code.size(); length > 1;) {
+    const Index half = length >> 1;
+    first += code[first + half] <= at ? half : 0;
+    length -= half;
+  }
+  return first;
+}
+
+inline bool is_active(const MortonRuns& runs, Index x, Index y, Index z) {
+  const auto is_near = [&](Index v) { return -runs.reach <= v && v < runs.reach; };
+  if (runs.code.size() == 0 || !is_near(x) || !is_near(y) || !is_near(z)) return false;
+  const Index blocks = runs.reach >> 3;
+  const Index at = spread((x >> 3) + blocks) << 2 | spread((y >> 3) + blocks) << 1 | spread((z >> 3) + blocks);
+  const Index run = run_of(runs.code, at);
+  if (at < runs.code[run] || at > runs.last[run]) return false;
+  const Index leaf = runs.row[run];
+  return leaf < 0 || (runs.masks(leaf, x & 7) >> ((y & 7) << 3 | (z & 7)) & 1) != 0;
+}
+
+// First the coordinates of a stretch of points, each sum from left to right, then the look-ups.
+template <typename Grid>
+void points_in(Points points, const double* origin, Points to_cells, const Grid& grid, Span<bool> active, Stop& stop) {
+  constexpr Index kStretch = 256;
+  std::int32_t cells[3][kStretch];
+  const Grid own = grid;  // whose address nobody has: it stays in registers
+  const double a = origin[0], b = origin[1], c = origin[2];
+  for (Index first = 0; first < points.size(); first += kStretch) {
+    const Index n = std::min(kStretch, points.size() - first);
+    stop.poll(16 * n);
+    const double* p = points[first];
+    for (int axis = 0; axis < 3; ++axis) {
+      const double ku = to_cells(axis, 0), kv = to_cells(axis, 1), kw = to_cells(axis, 2);
+      std::int32_t* row = cells[axis];
+      for (Index i = 0; i < n; ++i)
+        row[i] = cell((p[3 * i] - a) * ku + (p[3 * i + 1] - b) * kv + (p[3 * i + 2] - c) * kw);
+    }
+    for (Index i = 0; i < n; ++i) active[first + i] = is_active(own, cells[0][i], cells[1][i], cells[2][i]);
+  }
+}
+
+template <typename Voxel, typename Grid>
+void voxels_in(Rows<const Voxel, 3> voxels, const Grid& grid, Span<bool> active, Stop& stop) {
+  const Grid own = grid;
+  for_each(voxels.size(), 16, stop, [=](Index i) {
+    const Voxel* v = voxels[i];
+    active[i] = is_active(own, v[0], v[1], v[2]);
+  });
+}
+
+}  // namespace
+
+template <typename Voxel>
+void voxels_in_table(Rows<const Voxel, 3> voxels, const BlockTable& table, Span<bool> active, Stop& stop) {
+  voxels_in(voxels, table, active, stop);
+}
+
+template <typename Voxel>
+void voxels_in_runs(Rows<const Voxel, 3> voxels, const MortonRuns& runs, Span<bool> active, Stop& stop) {
+  voxels_in(voxels, runs, active, stop);
+}
+
+template void voxels_in_table(Rows<const std::int32_t, 3>, const BlockTable&, Span<bool>, Stop&);
+template void voxels_in_table(Rows<const std::int64_t, 3>, const BlockTable&, Span<bool>, Stop&);
+template void voxels_in_runs(Rows<const std::int32_t, 3>, const MortonRuns&, Span<bool>, Stop&);
+template void voxels_in_runs(Rows<const std::int64_t, 3>, const MortonRuns&, Span<bool>, Stop&);
+
+void points_in_table(Points points, const double* origin, Points to_cells, const BlockTable& table, Span<bool> active,
+                     Stop& stop) {
+  points_in(points, origin, to_cells, table, active, stop);
+}
+
+void points_in_runs(Points points, const double* origin, Points to_cells, const MortonRuns& runs, Span<bool> active,
+                    Stop& stop) {
+  points_in(points, origin, to_cells, runs, active, stop);
+}
+
+}  // namespace voxkernel
