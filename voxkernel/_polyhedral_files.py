@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._input_file import input_file
 from voxkernel._mesh_files import read_polygons
 from voxkernel._ply import parse_rows, ranges, whole_numbers
 from voxkernel.errors import MeshReadError
@@ -62,6 +63,7 @@ def read_cells(path: Path) -> RawCells:
         raise MeshReadError(f"`path` must be an existing file or folder; got '{path}'")
     if path.is_dir():
         return _read_folder(path)
+    path = input_file(path, MeshReadError)
     suffix = path.suffix.lower()
     parsers = {".hedra": _parse_hedra, ".mesh": _parse_medit}
     if suffix not in (*parsers, ".vtu"):
