@@ -302,7 +302,7 @@ def test_all_linear_maps_are_known(kind, numbers, expected):
 
 
 def test_missing_and_foreign_files(tmp_path):
-    with pytest.raises(GridReadError, match="`path` must be a readable file") as caught:
+    with pytest.raises(GridReadError, match="`path` must be an existing file") as caught:
         read_vdb(tmp_path / "missing.vdb")
     assert isinstance(caught.value, OSError | VoxKernelError)
     for content in (b"", b"solid", b"x" * 100):

@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 
 __all__ = ["BadInput", "Item", "Labels", "content_hash", "find_items", "local_copy", "read_labels", "with_data"]
@@ -70,6 +71,7 @@ def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
         return Labels(None)
     fs, path = _opened(os.fspath(labels))
     try:
+        check_stored_file(fs, path)
         with fs.open(path, "rt", encoding="utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream)
             if not {"file", "label"} <= set(reader.fieldnames or ()):
@@ -199,7 +201,7 @@ def content_hash(item: Item) -> str:
         if item.data is None and _is_local(item.url) and os.path.isdir(item.url):
             for name in sorted(os.listdir(item.url)):
                 digest.update(name.encode("utf-8", "surrogateescape") + b"\0")
-                digest.update(hashlib.sha256((Path(item.url) / name).read_bytes()).digest())
+                digest.update(hashlib.sha256(input_file(Path(item.url) / name, OSError).read_bytes()).digest())
         else:
             digest.update(_read(item.url) if item.data is None else item.data)
     except Exception:  # any file system may fail in its own way; the mesh's own reader says how
@@ -209,9 +211,7 @@ def content_hash(item: Item) -> str:
 
 def _read(url: str) -> bytes:
     if _is_local(url):
-        if not os.path.isfile(url):  # reading a pipe may never end
-            raise OSError(f"'{url}' is no file")
-        return Path(url).read_bytes()
+        return input_file(url, OSError).read_bytes()
     import fsspec
 
     fs, path = fsspec.core.url_to_fs(url)

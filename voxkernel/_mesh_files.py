@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._input_file import input_file
 from voxkernel._ply import Polygons, format_ply, parse_ply, parse_rows, ranges, whole_numbers
 from voxkernel.errors import MeshReadError
 
@@ -24,13 +25,9 @@ _MESHLAB_SUFFIXES = tuple(".3ds .3mf .ctm .dae .fbx .glb .gltf .tri .vmi .wrl .x
 
 def read_polygons(path: str | os.PathLike[str]) -> Polygons:
     """Read a file by its suffix; every failure is a MeshReadError of one line that names the file."""
-    file = Path(path)
+    file = input_file(path, MeshReadError)
     suffix = file.suffix.lower()
     parsers = {".ply": parse_ply, ".off": _parse_off, ".obj": _parse_obj, ".stl": _parse_stl}
-    if not file.exists():
-        raise MeshReadError(f"`path` must be an existing file; got '{file}'")
-    if file.is_dir():
-        raise MeshReadError(f"`path` must be a file; got the folder '{file}'")
     if suffix not in parsers and suffix not in _MESHLAB_SUFFIXES:
         known = " ".join(sorted((*parsers, *_MESHLAB_SUFFIXES)))
         raise MeshReadError(f"`path` must end in one of {known}; got '{file}'")

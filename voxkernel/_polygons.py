@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_integers
+from voxkernel._ears import cut_ears
 from voxkernel.errors import MeshError
 
 __all__ = [
@@ -19,6 +20,10 @@ __all__ = [
     "triangle_areas",
     "unscaled",
 ]
+
+
+_FEW_CORNERS = 256  # `_loops/cell_planes.py` leaves larger polygons to this file
+_MAX_PASSES = 32
 
 
 class CutPolygons(NamedTuple):
@@ -103,7 +108,7 @@ def polygon_planes(
             corners[ids] = loops
         areas[ids] = unscaled(np.linalg.norm(newell, axis=1), 2 * exponent)
         rows = first_triangle[ids, None] + np.arange(size - 2)
-        triangles[rows] = _triangulate(loops, local, newell)
+        triangles[rows] = _triangulate(loops, local, newell, ids)
     facet_ids = np.repeat(np.arange(len(sizes), dtype=np.int64), sizes - 2)
     if planar.all():
         plane_facets = np.arange(len(sizes), dtype=np.int64)
@@ -124,17 +129,9 @@ def _planes(
     loops: NDArray[np.int64], local: NDArray[np.float64], newell: NDArray[np.float64], rtol: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Planar or not, and three well-spread corners: the diameter, and the corner farthest from its line."""
-    m, size = loops.shape
+    m = len(loops)
     rows = np.arange(m)
-    best = np.full(m, -1.0)
-    i, j = np.zeros(m, dtype=np.int64), np.ones(m, dtype=np.int64)
-    for shift in range(1, size // 2 + 1):
-        gap = local - np.roll(local, -shift, axis=1)
-        square = np.einsum("mki,mki->mk", gap, gap)
-        at = square.argmax(axis=1)
-        better = square[rows, at] > best
-        best[better] = square[rows, at][better]
-        i[better], j[better] = at[better], (at[better] + shift) % size
+    i, j, best = _diameters(local)
     base = local[rows, i]
     arm = local[rows, j] - base
     across = np.cross(arm[:, None], local - base[:, None])
@@ -151,8 +148,50 @@ def _planes(
     return planar & ~(sideless & (length > 0.0)), corners
 
 
+def _diameters(
+    local: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Two corners of each loop as far from each other as any, and the square of their distance.
+
+    Of loops with many corners, two that are farthest from each other: to go to the farthest corner from the
+    farthest corner until that is no farther takes a few passes, all pairs take too long.
+    """
+    m, size = local.shape[:2]
+    rows = np.arange(m)
+    i, j = np.zeros(m, dtype=np.int64), np.ones(m, dtype=np.int64)
+    best = np.full(m, -1.0)
+    if size <= _FEW_CORNERS:
+        for shift in range(1, size // 2 + 1):
+            gap = local - np.roll(local, -shift, axis=1)
+            square = np.einsum("mki,mki->mk", gap, gap)
+            at = square.argmax(axis=1)
+            better = square[rows, at] > best
+            best[better] = square[rows, at][better]
+            i[better], j[better] = at[better], (at[better] + shift) % size
+        return i, j, best
+    source = _farthest(local, local.mean(axis=1))[0]
+    for _ in range(_MAX_PASSES):
+        at, square = _farthest(local, local[rows, source])
+        better = square > best
+        if not better.any():
+            break
+        best[better], i[better], j[better] = square[better], source[better], at[better]
+        source = np.where(better, at, source)
+    return i, j, best
+
+
+def _farthest(
+    local: NDArray[np.float64], point: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The corner of each loop farthest from a point of its own, and the square of the distance."""
+    gap = local - point[:, None]
+    square = np.einsum("mki,mki->mk", gap, gap)
+    at = square.argmax(axis=1)
+    return at, square[np.arange(len(local)), at]
+
+
 def _triangulate(
-    loops: NDArray[np.int64], local: NDArray[np.float64], newell: NDArray[np.float64]
+    loops: NDArray[np.int64], local: NDArray[np.float64], newell: NDArray[np.float64], ids: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """(m, k-2, 3): a fan where all its triangles face the polygon's way, ears elsewhere."""
     size = loops.shape[1]
@@ -172,63 +211,36 @@ def _triangulate(
     if size == 4:  # both diagonals were tried: it crosses itself or is a line
         return triangles
     for row in left:
-        triangles[row] = loops[row][_ears(local[row], newell[row], fan)]
+        triangles[row] = loops[row][_ears(loops[row], local[row], newell[row], fan, int(ids[row]))]
     return triangles
 
 
 def _ears(
-    local: NDArray[np.float64], newell: NDArray[np.float64], fan: NDArray[np.int64]
+    loop: NDArray[np.int64],
+    local: NDArray[np.float64],
+    newell: NDArray[np.float64],
+    fan: NDArray[np.int64],
+    polygon: int,
 ) -> NDArray[np.int64]:
-    """Local corner ids of one polygon's triangles; the fan again where the polygon has no inside."""
+    """Local corner ids of one polygon's triangles; the fan again where it has no inside or crosses itself.
+
+    A loop that comes back to a vertex may be a polygon that touches itself, as one with a cut to a hole; where it
+    is not, it is several loops in one, and which was meant is not known.
+    """
     axis = int(np.abs(newell).argmax())
     if newell[axis] == 0.0:
         return fan
     flat = local[:, [(axis + 1) % 3, (axis + 2) % 3]]
     if newell[axis] < 0.0:
         flat = flat[:, ::-1]
-    flat = np.ascontiguousarray(flat)
-    from mapbox_earcut import triangulate_float64
-
-    ears = triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
-    u, v = flat[ears[:, 1]] - flat[ears[:, 0]], flat[ears[:, 2]] - flat[ears[:, 0]]
-    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    if (area < 0.0).all():
-        ears, area = ears[:, [0, 2, 1]], -area
-    if len(ears) == len(fan) and (area > 0.0).all():
+    ears = cut_ears(flat, loop)
+    if ears is not None:
         return ears
-    # earcut leaves out corners on a straight edge, which would open the seam to the neighbour.
-    clipped = _clip_ears(flat)
-    return fan if clipped is None else clipped
-
-
-def _clip_ears(flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Ears of a counter-clockwise plane polygon that uses every corner, flat ones too; None if it crosses."""
-    ring = list(range(len(flat)))
-    ears: list[tuple[int, int, int]] = []
-    while len(ring) > 3:
-        for position, tip in enumerate(ring):
-            a, b = ring[position - 1], ring[(position + 1) % len(ring)]
-            others = np.array([corner for corner in ring if corner not in (a, tip, b)])
-            if _turn(flat[a], flat[tip], flat[b]) > 0.0 and not _any_inside(flat, (a, tip, b), others):
-                ears.append((a, tip, b))
-                del ring[position]
-                break
-        else:
-            return None
-    ears.append((ring[0], ring[1], ring[2]))
-    return np.array(ears, dtype=np.int64)
-
-
-def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> Any:
-    """Twice the signed area of a, b, c; the last axis holds x and y."""
-    u, v = b - a, c - a
-    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-
-
-def _any_inside(flat: NDArray[np.float64], ear: tuple[int, int, int], others: NDArray[np.int64]) -> bool:
-    """Is another corner in the closed triangle, other than exactly on one of its corners?"""
-    a, b, c = flat[ear[0]], flat[ear[1]], flat[ear[2]]
-    p = flat[others]
-    inside = (_turn(a, b, p) >= 0.0) & (_turn(b, c, p) >= 0.0) & (_turn(c, a, p) >= 0.0)
-    at_corner = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
-    return bool((inside & ~at_corner).any())
+    ids, counts = np.unique(loop, return_counts=True)
+    if len(ids) < len(loop):
+        again = int(ids[counts.argmax()])
+        raise MeshError(
+            f"`polygons` must be one loop each; got vertex {again} {int(counts.max())} times in polygon {polygon}, "
+            "which crosses itself"
+        )
+    return fan

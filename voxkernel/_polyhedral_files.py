@@ -1,8 +1,8 @@
 """Files of polyhedral meshes: folders of cells, .hedra, Medit .mesh, .vtu; order and digits as in the file.
 
-`.mesh` and `.hedra` have parsers of their own and `.vtu` goes through VTK, because meshio 5.3 rounds the
-coordinates of a version 1 `.mesh` to float32, sorts the polyhedra of a `.vtu` by their number of vertices,
-so that cell numbers are lost, and refuses polyhedra beside other cells.
+They have parsers of their own because meshio 5.3 rounds the coordinates of a version 1 `.mesh` to float32, sorts the
+polyhedra of a `.vtu` by their number of vertices, so that cell numbers are lost, and refuses polyhedra beside other
+cells, and because a damaged `.vtu` ends the process in VTK.
 """
 
 from __future__ import annotations
@@ -10,13 +10,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._input_file import input_file
 from voxkernel._mesh_files import read_polygons
 from voxkernel._ply import parse_rows, ranges, whole_numbers
+from voxkernel._vtu import VtuPiece, parse_vtu
 from voxkernel.errors import MeshReadError
 
 __all__ = ["RawCells", "is_cell_folder", "join_cells", "read_cells"]
@@ -62,12 +64,15 @@ def read_cells(path: Path) -> RawCells:
         raise MeshReadError(f"`path` must be an existing file or folder; got '{path}'")
     if path.is_dir():
         return _read_folder(path)
+    path = input_file(path, MeshReadError)
     suffix = path.suffix.lower()
     parsers = {".hedra": _parse_hedra, ".mesh": _parse_medit}
     if suffix not in (*parsers, ".vtu"):
         raise MeshReadError(f"`path` must be a folder or end in one of .hedra .mesh .vtu; got '{path}'")
     try:
-        raw = _read_vtu(path) if suffix == ".vtu" else parsers[suffix](path.read_text("ascii", "replace"))
+        raw = (
+            _parse_vtu(path.read_bytes()) if suffix == ".vtu" else parsers[suffix](path.read_text("ascii", "replace"))
+        )
         if not len(raw.counts):
             raise ValueError("it holds no cells with a volume")
         return raw
@@ -219,53 +224,45 @@ def _standard_cells(
     return RawCells(vertices, flat, size, np.arange(len(size)), count, [""] * len(count), True)
 
 
-def _read_vtu(path: Path) -> RawCells:
-    """Through VTK's reader, cell by cell, so that the cells keep their order."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkIdList, vtkObject
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+def _parse_vtu(data: bytes) -> RawCells:
+    """Cells of all pieces in the order of the file; those without a volume are passed over."""
+    parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
+    points: list[NDArray[np.float64]] = []
+    n = 0
+    for piece in parse_vtu(data):
+        flat, sizes, counts = _cells_of_piece(piece)
+        parts.append((flat + n, sizes, counts))
+        points.append(piece.points)
+        n += len(piece.points)
+    flat, sizes, counts = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    vertices = np.concatenate(points)
+    return RawCells(vertices, flat, sizes, np.arange(len(sizes)), counts, [""] * len(counts), True)
 
-    reader: Any = vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(path))
-    warns = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.GlobalWarningDisplayOff()
-    try:
-        reader.Update()
-    finally:
-        vtkObject.SetGlobalWarningDisplay(warns)
-    grid: Any = reader.GetOutput()
-    if reader.GetErrorCode() or grid.GetPoints() is None:
-        raise ValueError("VTK cannot read it, or it has no points")
-    points = np.array(vtk_to_numpy(grid.GetPoints().GetData()), dtype=np.float64).reshape(-1, 3)
-    ids: Any = vtkIdList()
-    flat: list[int] = []
-    sizes: list[int] = []
-    counts: list[int] = []
-    for cell in range(grid.GetNumberOfCells()):
-        kind = grid.GetCellType(cell)
-        if kind in _VTK_FLAT:
-            continue
-        if kind == _VTK_POLYHEDRON:
-            grid.GetFaceStream(cell, ids)
-            stream = [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
-            loops = _faces_of_stream(stream)
+
+def _cells_of_piece(piece: VtuPiece) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Corners of all faces in a row, sizes of the faces, numbers of faces of the cells that have a volume."""
+    polyhedra = np.flatnonzero(piece.types == _VTK_POLYHEDRON)
+    n_faces, n_flat = np.zeros(len(piece.types), np.int64), np.zeros(len(piece.types), np.int64)
+    n_faces[polyhedra] = np.diff(piece.cell_faces)[polyhedra]
+    n_flat[polyhedra] = np.diff(piece.face_offsets[piece.cell_faces])[polyhedra] if len(polyhedra) else 0
+    kinds = {int(kind): np.flatnonzero(piece.types == kind) for kind in np.unique(piece.types)}
+    for kind, rows in kinds.items():
+        if kind in _VTK:
+            corners = 1 + max(max(face) for face in _VTK[kind])
+            wrong = rows[np.diff(piece.offsets)[rows] != corners]
+            if len(wrong):
+                raise ValueError(f"cell {wrong[0]} of type {kind} does not have {corners} points")
+            n_faces[rows], n_flat[rows] = len(_VTK[kind]), sum(map(len, _VTK[kind]))
+        elif kind != _VTK_POLYHEDRON and kind not in _VTK_FLAT:
+            raise ValueError(f"cell {rows[0]} is of VTK type {kind}, which is not a linear cell")
+    flat, sizes = np.empty(int(n_flat.sum()), np.int64), np.empty(int(n_faces.sum()), np.int64)
+    flat_at, face_at = np.cumsum(n_flat) - n_flat, np.cumsum(n_faces) - n_faces
+    for kind, rows in kinds.items():
+        if kind == _VTK_POLYHEDRON:  # their faces are in the order of the cells
+            flat[ranges(flat_at[rows], n_flat[rows])] = piece.face_points
+            sizes[ranges(face_at[rows], n_faces[rows])] = np.diff(piece.face_offsets)
         elif kind in _VTK:
-            grid.GetCellPoints(cell, ids)
-            loops = [[ids.GetId(k) for k in face] for face in _VTK[kind]]
-        else:
-            raise ValueError(f"cell {cell} is of VTK type {kind}, which is not a linear cell")
-        sizes += [len(loop) for loop in loops]
-        flat += [v for loop in loops for v in loop]
-        counts.append(len(loops))
-    faces, size = np.array(flat, np.int64), np.array(sizes, np.int64)
-    return RawCells(points, faces, size, np.arange(len(size)), np.array(counts, np.int64), [""] * len(counts), True)
-
-
-def _faces_of_stream(stream: list[int]) -> list[list[int]]:
-    """The faces of VTK's list: their number, then the size and vertices of each."""
-    loops: list[list[int]] = []
-    at = 1
-    for _ in range(stream[0]):
-        loops.append(stream[at + 1 : at + 1 + stream[at]])
-        at += 1 + stream[at]
-    return loops
+            order = np.array([corner for face in _VTK[kind] for corner in face])
+            flat[flat_at[rows, None] + np.arange(len(order))] = piece.connectivity[piece.offsets[rows, None] + order]
+            sizes[face_at[rows, None] + np.arange(len(_VTK[kind]))] = [len(face) for face in _VTK[kind]]
+    return flat, sizes, n_faces[n_faces > 0]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._input_file import check_stored_file
 from voxkernel._report_rows import ReportRows, worst_first
 
 __all__ = ["Pictures", "collect", "spread_order"]
@@ -101,7 +102,9 @@ def _fits(found: Pictures, size: int, max_bytes: int) -> bool:
 def _guarded(found: Pictures, relative: str, fs: Any, base: str, decode: Callable[[bytes], Any]) -> Any:
     """Read one file of the run; whatever is wrong with it costs its picture, not the report."""
     try:
-        return decode(fs.cat_file(_inside(base, relative)))
+        name = _inside(base, relative)
+        check_stored_file(fs, name)
+        return decode(fs.cat_file(name))
     except (OSError, ValueError, KeyError, EOFError, MemoryError, SyntaxError) as error:
         found.unreadable.append((relative, str(error) or type(error).__name__))
         return None

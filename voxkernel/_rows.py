@@ -11,6 +11,8 @@ import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from voxkernel._input_file import check_stored_file
+
 __all__ = [
     "COLUMNS", "open_run", "part_names", "read_parts", "read_rows", "read_settings", "remove_parts", "row_key",
     "schema", "to_table", "write_bytes", "write_csv", "write_part", "write_settings", "write_table_part",
@@ -161,6 +163,7 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
 def _read_table(pq: Any, fs: Any, name: str) -> Any:
     import pyarrow as pa
 
+    check_stored_file(fs, name)
     with fs.open(name, "rb") as stream:
         data = stream.read()
     wanted = schema()
@@ -208,6 +211,7 @@ def read_settings(run: str) -> dict[str, Any]:
     """Read `settings.json` of a run; empty where there is none."""
     fs, path = open_run(run)
     name = posixpath.join(path, "settings.json")
+    check_stored_file(fs, name)
     return json.loads(fs.cat_file(name)) if fs.exists(name) else {}
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._grid_surface import exposed_faces
+from voxkernel._input_file import input_file
 from voxkernel._leaf_bits import unpack
 from voxkernel.errors import GridReadError
 from voxkernel.grid import SparseGrid
@@ -143,6 +144,7 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[SparseGrid, ...]:
     >>> read_npz(path)[0].values_at([[0, 0, 0]])
     array([0.5], dtype=float32)
     """
+    input_file(path, GridReadError)
     try:
         with zipfile.ZipFile(path) as archive:
             promised = sum(entry.file_size for entry in archive.infolist())

@@ -157,7 +157,8 @@ class TriangleMesh:
             convex or not, without holes.
         planarity_rtol : float
             A polygon is planar when all corners lie within this times its diameter of the plane through
-            three well-spread ones. 0 asks for exact planarity as floats see it.
+            three well-spread ones. 0 asks for exact planarity as floats see it. (Of more than 256
+            corners the diameter is taken between two that are farthest from each other.)
         source : str
             Name for messages.
 
@@ -171,7 +172,8 @@ class TriangleMesh:
         ------
         MeshError
             If a shape is wrong, a coordinate is not finite, an index is out of range, a polygon has
-            fewer than three corners, or no polygon has an area.
+            fewer than three corners, a polygon crosses itself and visits a vertex twice, or no polygon
+            has an area.
         TypeError
             If the ids are not integers.
 
@@ -179,7 +181,8 @@ class TriangleMesh:
         -----
         The plane's side is that of the Newell normal [1]_. A fan is used where all its triangles keep
         the polygon's side, which includes every strictly convex polygon; ear clipping [2]_ otherwise.
-        Vectorised except for ear clipping.
+        Vectorised except for ear clipping. A polygon may touch itself; the triangles of one that crosses
+        itself, without coming back to a vertex, are a fan.
 
         References
         ----------

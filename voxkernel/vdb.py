@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice
+from voxkernel._input_file import input_file
 from voxkernel._vdb_format import (
     BLOSC,
     MAGIC,
@@ -186,8 +187,9 @@ def read_vdb(path: str | os.PathLike[str]) -> VdbFile:
     >>> read_vdb(path)[0].index_to_world([[-1, 0, 0]])
     array([[-0.25,  0.25,  0.25]])
     """
+    file = input_file(path, GridReadError)
     try:
-        data = Path(path).read_bytes()
+        data = file.read_bytes()
     except OSError as error:
         raise GridReadError(f"`path` must be a readable file; got {os.fspath(path)!r}: {error}") from error
     try:

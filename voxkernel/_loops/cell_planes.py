@@ -7,6 +7,7 @@ from voxkernel._loops import NUMBA_CACHE
 from voxkernel._loops.sorting import sort_keys
 
 CLOSED, OPEN, TURNED = 0, 1, 2
+_MANY = 256  # corners; beyond, `from_polygons` does not look at all pairs, and a loop over them takes too long
 _GUARD = 1e-3  # relative; polygons so near a threshold of `from_polygons` are left to it
 
 
@@ -125,6 +126,8 @@ def polygon_planes(points, ring, low, high, rtol, corners, extra, n_planes):
         corners[n_planes, 0], corners[n_planes, 1], corners[n_planes, 2] = ring[low], ring[low + 1], ring[low + 2]
         extra[n_planes] = 0.0
         return n_planes + 1, 0
+    if size > _MANY:
+        return -1, 0
     i, j, far, best, square = _spread_corners(points, ring, low, size)
     sx, sy, sz = 0.0, 0.0, 0.0
     for k in range(1, size - 1):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel import __version__
+from voxkernel._input_file import input_file
 from voxkernel.cli.output import display
 from voxkernel.errors import MeshReadError
 
@@ -78,8 +79,7 @@ def read_grid_file(path: str) -> dict[str, Any]:
 
     import numpy as np
 
-    if not Path(path).is_file():
-        raise MeshReadError(f"'{path}' must be a file; got none")
+    input_file(path, MeshReadError)
     try:
         with np.load(path, allow_pickle=False) as arrays:
             if str(arrays["format"]) != FORMAT:
