@@ -614,7 +614,7 @@ def test_vtu_polyhedra_written_by_meshio(tmp_path):
         ("a.hedra", "4 4 1\n0 0 0\n", "it ends before"),
         ("a.hedra", "1 1 1\n0 0\n3 1 1 1\n1 1\n", "3 coordinates"),
         ("a.hedra", "1 1 1\n0 0 0\n3 1 1\n1 1\n", "as many numbers"),
-        ("a.hedra", "1 1 1\n0 0 0\n3 1 1 0\n1 1\n", "start at 1"),
+        ("a.hedra", "1 1 1\n0 0 0\n3 1 1 0\n1 1\n", r"line 3: a vertex number must be .* in 1\.\.1; got 0"),
         ("a.hedra", "1 1 1\n0 0 x\n3 1 1 1\n1 1\n", "readable .hedra"),
         ("a.mesh", "", "MeshVersionFormatted"),
         ("a.mesh", "MeshVersionFormatted 2\nDimension 3\nVertices\n1\n0 0 0 0\nEnd\n", "no cells"),
@@ -632,15 +632,90 @@ def test_broken_files(tmp_path, name, text, match):
         read_polyhedral(file)
 
 
+HEDRA = "4 4 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 1 2 3\n3 1 2 4\n3 1 3 4\n3 2 3 4\n4 1 2 3 4\n"
+MEDIT = (
+    "MeshVersionFormatted 2\nDimension 3\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"
+    "Tetrahedra\n1\n1 2 3 4 0\nEnd\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "match"),
+    [
+        (HEDRA, "4 1 2 3 4\n", "4 1 2 3 4\n4 1 2 3 4\n", "line 11: there are rows after the 4 vertices, 4 faces and 1"),
+        (HEDRA, "1 0 0\n", "1 nan 0\n", "line 3: 'nan' is not a finite number"),
+        (HEDRA, "1 0 0\n", "# a\n\n1 1e999 0\n", "line 5: '1e999' is not a finite number"),
+        (HEDRA, "1 0 0\n", "1 1_0 0\n", "line 3: '1_0' is not"),
+        (HEDRA, "1 0 0\n", "1 0 0 0\n", "line 3: a vertex must have 3 coordinates; got 4"),
+        (HEDRA, "4 4 1\n", "4 -4 1\n", "line 1: the number of faces must be .*; got '-4'"),
+        (HEDRA, "4 4 1\n", "4 4 1e15\n", "line 1: the number of cells must be .*; got '1e15'"),
+        (HEDRA, "4 4 1\n", "4 4 1000000000000000\n", "it ends before"),
+        (HEDRA, "4 4 1\n", f"4 4 {'9' * 5000}\n", "line 1: the number of cells"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 5\n", r"line 9: a vertex number must be a whole number in 1\.\.4; got 5"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 -4\n", "line 9: a vertex number .* got -4"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 1.5\n", "line 9: a vertex number .* got 1.5"),
+        (HEDRA, "3 2 3 4\n", "2 2 3 4\n", "line 9: a face does not have as many numbers as it says: 2, and 3 follow"),
+        (HEDRA, "4 1 2 3 4\n", "4 1 2 3 -5\n", "line 10: a face number .* got 5"),
+        (MEDIT, "End\n", "Vertices\n1\n5 5 5 0\nEnd\n", "line 12: there is a second section Vertices"),
+        (MEDIT, "End\n", "tetrahedra\n1\n1 2 3 4 0\nEnd\n", "line 12: there is a second section tetrahedra"),
+        (MEDIT, "End\n", "TetrahedraP2\n1\n1 2 3 4 0\nEnd\n", "line 12: a keyword .* got 'TetrahedraP2'"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 4 0\n1 2 3 4 0\n", "line 12: a keyword .* got '1'"),
+        (MEDIT, "End\n", "End\n1\n", "line 13: there is more after 'End'"),
+        (MEDIT, "1 0 0 0\n", "1 0 0\n", "line 6: a row of Vertices must have 4 numbers on one line"),
+        (MEDIT, "1 0 0 0\n0 1 0 0\n", "1 0 0\n0 1 0 0 0\n", "line 6: a row of Vertices must have 4 numbers"),
+        (MEDIT, "1 0 0 0\n", "1 0 inf 0\n", "line 6: 'inf' is not a finite number"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n5\n", "line 9: a row of Vertices must have 4 numbers"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n-4\n", "line 4: the number of Vertices must be .* got '-4'"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n1000000000000000\n", "ends before its 1000000000000000 Vertices"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 5 0\n", r"line 11: a vertex number must be a whole number in 1\.\.4; got 5"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 0 0\n", "line 11: a vertex number .* got 0"),
+        (MEDIT, "End\n", "Triangles\n2\n1 2 3 0\n1 2 4\nEnd\n", "line 13: Triangles must have 2 rows .* got 7"),
+        (MEDIT, "End\n", "Corners\n0\n1\nEnd\n", "line 13: Corners must have 0 rows"),
+        (MEDIT, "End\n", "Corners\n1\n1_\nEnd\n", "line 14: '1_' is not a finite number"),
+        (MEDIT, "End\n", "Corners\n", "it ends where the number of Corners must be"),
+    ],
+)  # fmt: skip
+def test_damaged_text_is_refused_with_its_line(tmp_path, text, old, new, match):
+    file = tmp_path / ("a.hedra" if text is HEDRA else "a.mesh")
+    file.write_text(text)
+    assert len(read_polyhedral(file)) == 1
+    assert text.count(old) == 1
+    file.write_text(text.replace(old, new))
+    with pytest.raises(MeshReadError, match=match) as caught:
+        read_polyhedral(file)
+    assert "\n" not in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_a_long_word_among_many_takes_no_more_memory_than_its_text(tmp_path):
+    import tracemalloc
+
+    file = tmp_path / "a.mesh"
+    file.write_text(MEDIT.replace("1 0 0 0\n", f"1 {'0' * 1_000_000}.5 0 0\n" + "# \n" * 1000))
+    tracemalloc.start()
+    try:
+        assert read_polyhedral(file).vertices[1, 1] == 0.5
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["a.mesh", "a.hedra", "a.vtu"])
+def test_pipes_and_devices_are_refused_at_once(tmp_path, name):
+    import os
+
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes with names here")
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(MeshReadError, match="ordinary file or a folder"):
+        read_polyhedral(tmp_path / name)
+
+
 def test_missing_and_out_of_range(tmp_path):
     with pytest.raises(MeshReadError, match="existing file or folder"):
         read_polyhedral(tmp_path / "nothing.hedra")
     with pytest.raises(MeshReadError, match=r"must hold \.off"):
         read_polyhedral(tmp_path)
-    file = tmp_path / "a.hedra"
-    file.write_text("1 1 1\n0 0 0\n3 1 1 5\n1 1\n")
-    with pytest.raises(MeshError, match=r"a\.hedra.*`faces` must be in 0\.\.0; got 4"):
-        read_polyhedral(file)
 
 
 def test_comments_and_sections_of_medit_files(tmp_path):
@@ -652,6 +727,33 @@ def test_comments_and_sections_of_medit_files(tmp_path):
     mesh = read_polyhedral(file)
     assert mesh.vertices[1, 0] == 0.1  # the digits of the file, though its version says single precision
     assert cell_kernels(mesh).volume[0] == pytest.approx(0.1 / 6)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_optional_sections_comments_and_line_ends_of_medit_files(tmp_path, end):
+    """Cells before vertices, sections that are passed over, several rows on a line, blank lines, no End."""
+    text = (
+        "# made by hand\n\nMeshVersionFormatted\n1\n\nDimension 3\n"
+        "Tetrahedra 2 # before the vertices\n1 2 3 4 0  1 3 2 5 0\n"
+        "BoundingBox 0 0 -1 1 1 1\nAngleOfCornerBound 10\n"
+        "Vertices\n5\n0 0 0 0 1 0 0 0\n# between\n0 1 0 0\n\n  0 0 1e0 0\n0 0 -1 0\n"
+        "Edges\n1\n1 2 0\nQuadrilaterals 0\nNormals 2\n0 0 1\n0 1 0\nNormalAtVertices 1\n1 2\nCorners 2\n1\n2\n"
+        "Ridges 1\n1\nHexahedra\n0\n"
+    )  # fmt: skip
+    file = tmp_path / "a.mesh"
+    file.write_bytes(text.replace("\n", end).encode())
+    np.testing.assert_allclose(cell_kernels(file).volume, [1 / 6, 1 / 6])
+    file.write_bytes((text + "End").replace("\n", end).encode())
+    assert len(read_polyhedral(file)) == 2
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_comments_and_line_ends_of_hedra_files(tmp_path, end):
+    file = tmp_path / "a.hedra"
+    file.write_bytes(
+        ("# a\n\n" + HEDRA.replace("3 2 3 4\n", "# b\n3 2 3 4 # c\n\n") + "\n#").replace("\n", end).encode()
+    )
+    np.testing.assert_allclose(cell_kernels(file).volume, [1 / 6])
 
 
 # ---------------------------------------------------------------- real meshes
