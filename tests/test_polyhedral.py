@@ -1,6 +1,7 @@
 """Kernels of the cells of polyhedral meshes: the batch agrees with `exact_kernel`, whatever decided a cell."""
 
 import csv
+import re
 from itertools import product
 
 import numpy as np
@@ -287,6 +288,86 @@ def test_very_large_and_very_small_cells():
     found = solved((np.ldexp(cell[0], 400), cell[1]), (np.ldexp(cell[0], -400), cell[1]), cell)
     assert found.dimension.tolist() == [-2, -2, 3]
     assert "2**200" in found.reasons[0]
+
+
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("scales", "reason"),
+    [
+        ((1, 1, 5e-324), "too thin"),
+        ((1, 5e-324, 1e300), r"2\*\*200"),
+        ((1e-200, 1, 1e-200), "too thin"),
+        ((1e12, 1, 1e-300), "too thin"),
+        ((1e-300, 1e-300, 1e-300), r"2\*\*200"),
+        ((1e300, 1e300, 1e300), r"2\*\*200"),
+        ((1.7e308, 1e-300, 1), r"2\*\*200"),
+        ((1, 1, 0), "no volume"),
+        ((1, 1, 1e-300), ""),
+        ((1e-57, 1e-130, 1e-68), ""),
+        ((1e50, 1e-90, 1e-90), ""),
+    ],
+)
+def test_a_cell_of_mixed_scales_fails_alone_or_is_right(scales, reason):
+    """Volume 1/6 of the product of the scales; convex."""
+    vertices, polygons = TETRAHEDRON
+    found = solved(TETRAHEDRON, (vertices * scales, polygons), TETRAHEDRON)
+    assert found.volume[[0, 2]] == pytest.approx(1 / 6)
+    if reason:
+        assert found.dimension.tolist() == [3, -2, 3]
+        assert re.search(reason, found.reasons[1]), found.reasons[1]
+        assert np.isnan(found.kernel_volume[1])
+    else:
+        assert found.reasons == ("",) * 3
+        assert found.volume_share.tolist() == [1, 1, 1]
+        assert found.kernel_volume[1] == pytest.approx(float(np.prod(scales)) / 6, rel=1e-12, abs=0)
+
+
+def hard_cell(rng):
+    """A small solid spoilt: stretched by powers of ten, corners made equal, flattened, moved far, odd numbers."""
+    odd = [0.0, 5e-324, 1e-300, 1e-100, 1e-16, 1.0, 1 + 2**-52, 1e16, 1e100, 1e300, np.inf]
+    vertices, faces = (TETRAHEDRON, shapes.octahedron(), shapes.l_prism(), shapes.notched_cube(-0.25))[rng.integers(4)]
+    vertices = np.array(vertices, float)
+    for kind in rng.integers(0, 6, rng.integers(1, 4)):
+        corner, axis = rng.integers(len(vertices)), rng.integers(3)
+        if kind == 0:
+            vertices *= 10.0 ** rng.uniform(-150, 150, 3)
+        elif kind == 1:
+            vertices *= 10.0 ** rng.uniform(-15, 15, 3)
+        elif kind == 2:
+            vertices[corner] = vertices[rng.integers(len(vertices))]
+        elif kind == 3:
+            vertices[:, axis] *= rng.choice([0.0, 5e-324, 1e-300, 1e-17, 1e-8])
+        elif kind == 4:
+            vertices[corner, axis] = rng.choice(odd) * rng.choice([-1, 1])
+        else:
+            vertices += rng.choice(odd[4:9], 3) * rng.choice([-1, 0, 1], 3)
+    return vertices, np.asarray(faces).tolist()
+
+
+def test_hard_cells_are_right_or_have_a_reason(rng):
+    with np.errstate(all="ignore"):
+        cells = [hard_cell(rng) for _ in range(300)]
+    found = solved(*cells)
+    assert 50 < int(found.is_failed.sum()) < 250
+    for i, (vertices, polygons) in enumerate(cells):
+        reason, faces = found.reasons[i], np.array(polygons)
+        if not np.isfinite(vertices).all():
+            assert reason == "a vertex is not finite"
+            continue
+        volume = oracle.enclosed_volume(vertices, faces)
+        if reason:
+            assert not reason.startswith("inside out") or volume < 0
+            assert not reason.startswith("no volume") or volume == 0
+            continue
+        truth = oracle.mesh_kernel(vertices, faces)
+        assert volume > 0
+        assert found.dimension[i] == truth.dimension
+        assert found.volume[i] == pytest.approx(float(volume), rel=1e-9, abs=0)
+        assert found.kernel_volume[i] == pytest.approx(float(truth.volume), rel=1e-6, abs=0)
+        assert (found.volume_share[i] == 1) == (truth.volume == volume)
+        assert (found.inradius[i] > 0) == (truth.dimension == 3)
 
 
 def test_far_from_the_origin():
