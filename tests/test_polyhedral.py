@@ -1,6 +1,7 @@
 """Kernels of the cells of polyhedral meshes: the batch agrees with `exact_kernel`, whatever decided a cell."""
 
 import csv
+import re
 from itertools import product
 
 import numpy as np
@@ -287,6 +288,86 @@ def test_very_large_and_very_small_cells():
     found = solved((np.ldexp(cell[0], 400), cell[1]), (np.ldexp(cell[0], -400), cell[1]), cell)
     assert found.dimension.tolist() == [-2, -2, 3]
     assert "2**200" in found.reasons[0]
+
+
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("scales", "reason"),
+    [
+        ((1, 1, 5e-324), "too thin"),
+        ((1, 5e-324, 1e300), r"2\*\*200"),
+        ((1e-200, 1, 1e-200), "too thin"),
+        ((1e12, 1, 1e-300), "too thin"),
+        ((1e-300, 1e-300, 1e-300), r"2\*\*200"),
+        ((1e300, 1e300, 1e300), r"2\*\*200"),
+        ((1.7e308, 1e-300, 1), r"2\*\*200"),
+        ((1, 1, 0), "no volume"),
+        ((1, 1, 1e-300), ""),
+        ((1e-57, 1e-130, 1e-68), ""),
+        ((1e50, 1e-90, 1e-90), ""),
+    ],
+)
+def test_a_cell_of_mixed_scales_fails_alone_or_is_right(scales, reason):
+    """Volume 1/6 of the product of the scales; convex."""
+    vertices, polygons = TETRAHEDRON
+    found = solved(TETRAHEDRON, (vertices * scales, polygons), TETRAHEDRON)
+    assert found.volume[[0, 2]] == pytest.approx(1 / 6)
+    if reason:
+        assert found.dimension.tolist() == [3, -2, 3]
+        assert re.search(reason, found.reasons[1]), found.reasons[1]
+        assert np.isnan(found.kernel_volume[1])
+    else:
+        assert found.reasons == ("",) * 3
+        assert found.volume_share.tolist() == [1, 1, 1]
+        assert found.kernel_volume[1] == pytest.approx(float(np.prod(scales)) / 6, rel=1e-12, abs=0)
+
+
+def hard_cell(rng):
+    """A small solid spoilt: stretched by powers of ten, corners made equal, flattened, moved far, odd numbers."""
+    odd = [0.0, 5e-324, 1e-300, 1e-100, 1e-16, 1.0, 1 + 2**-52, 1e16, 1e100, 1e300, np.inf]
+    vertices, faces = (TETRAHEDRON, shapes.octahedron(), shapes.l_prism(), shapes.notched_cube(-0.25))[rng.integers(4)]
+    vertices = np.array(vertices, float)
+    for kind in rng.integers(0, 6, rng.integers(1, 4)):
+        corner, axis = rng.integers(len(vertices)), rng.integers(3)
+        if kind == 0:
+            vertices *= 10.0 ** rng.uniform(-150, 150, 3)
+        elif kind == 1:
+            vertices *= 10.0 ** rng.uniform(-15, 15, 3)
+        elif kind == 2:
+            vertices[corner] = vertices[rng.integers(len(vertices))]
+        elif kind == 3:
+            vertices[:, axis] *= rng.choice([0.0, 5e-324, 1e-300, 1e-17, 1e-8])
+        elif kind == 4:
+            vertices[corner, axis] = rng.choice(odd) * rng.choice([-1, 1])
+        else:
+            vertices += rng.choice(odd[4:9], 3) * rng.choice([-1, 0, 1], 3)
+    return vertices, np.asarray(faces).tolist()
+
+
+def test_hard_cells_are_right_or_have_a_reason(rng):
+    with np.errstate(all="ignore"):
+        cells = [hard_cell(rng) for _ in range(300)]
+    found = solved(*cells)
+    assert 50 < int(found.is_failed.sum()) < 250
+    for i, (vertices, polygons) in enumerate(cells):
+        reason, faces = found.reasons[i], np.array(polygons)
+        if not np.isfinite(vertices).all():
+            assert reason == "a vertex is not finite"
+            continue
+        volume = oracle.enclosed_volume(vertices, faces)
+        if reason:
+            assert not reason.startswith("inside out") or volume < 0
+            assert not reason.startswith("no volume") or volume == 0
+            continue
+        truth = oracle.mesh_kernel(vertices, faces)
+        assert volume > 0
+        assert found.dimension[i] == truth.dimension
+        assert found.volume[i] == pytest.approx(float(volume), rel=1e-9, abs=0)
+        assert found.kernel_volume[i] == pytest.approx(float(truth.volume), rel=1e-6, abs=0)
+        assert (found.volume_share[i] == 1) == (truth.volume == volume)
+        assert (found.inradius[i] > 0) == (truth.dimension == 3)
 
 
 def test_far_from_the_origin():
@@ -614,7 +695,7 @@ def test_vtu_polyhedra_written_by_meshio(tmp_path):
         ("a.hedra", "4 4 1\n0 0 0\n", "it ends before"),
         ("a.hedra", "1 1 1\n0 0\n3 1 1 1\n1 1\n", "3 coordinates"),
         ("a.hedra", "1 1 1\n0 0 0\n3 1 1\n1 1\n", "as many numbers"),
-        ("a.hedra", "1 1 1\n0 0 0\n3 1 1 0\n1 1\n", "start at 1"),
+        ("a.hedra", "1 1 1\n0 0 0\n3 1 1 0\n1 1\n", r"line 3: a vertex number must be .* in 1\.\.1; got 0"),
         ("a.hedra", "1 1 1\n0 0 x\n3 1 1 1\n1 1\n", "readable .hedra"),
         ("a.mesh", "", "MeshVersionFormatted"),
         ("a.mesh", "MeshVersionFormatted 2\nDimension 3\nVertices\n1\n0 0 0 0\nEnd\n", "no cells"),
@@ -632,15 +713,90 @@ def test_broken_files(tmp_path, name, text, match):
         read_polyhedral(file)
 
 
+HEDRA = "4 4 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 1 2 3\n3 1 2 4\n3 1 3 4\n3 2 3 4\n4 1 2 3 4\n"
+MEDIT = (
+    "MeshVersionFormatted 2\nDimension 3\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"
+    "Tetrahedra\n1\n1 2 3 4 0\nEnd\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "match"),
+    [
+        (HEDRA, "4 1 2 3 4\n", "4 1 2 3 4\n4 1 2 3 4\n", "line 11: there are rows after the 4 vertices, 4 faces and 1"),
+        (HEDRA, "1 0 0\n", "1 nan 0\n", "line 3: 'nan' is not a finite number"),
+        (HEDRA, "1 0 0\n", "# a\n\n1 1e999 0\n", "line 5: '1e999' is not a finite number"),
+        (HEDRA, "1 0 0\n", "1 1_0 0\n", "line 3: '1_0' is not"),
+        (HEDRA, "1 0 0\n", "1 0 0 0\n", "line 3: a vertex must have 3 coordinates; got 4"),
+        (HEDRA, "4 4 1\n", "4 -4 1\n", "line 1: the number of faces must be .*; got '-4'"),
+        (HEDRA, "4 4 1\n", "4 4 1e15\n", "line 1: the number of cells must be .*; got '1e15'"),
+        (HEDRA, "4 4 1\n", "4 4 1000000000000000\n", "it ends before"),
+        (HEDRA, "4 4 1\n", f"4 4 {'9' * 5000}\n", "line 1: the number of cells"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 5\n", r"line 9: a vertex number must be a whole number in 1\.\.4; got 5"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 -4\n", "line 9: a vertex number .* got -4"),
+        (HEDRA, "3 2 3 4\n", "3 2 3 1.5\n", "line 9: a vertex number .* got 1.5"),
+        (HEDRA, "3 2 3 4\n", "2 2 3 4\n", "line 9: a face does not have as many numbers as it says: 2, and 3 follow"),
+        (HEDRA, "4 1 2 3 4\n", "4 1 2 3 -5\n", "line 10: a face number .* got 5"),
+        (MEDIT, "End\n", "Vertices\n1\n5 5 5 0\nEnd\n", "line 12: there is a second section Vertices"),
+        (MEDIT, "End\n", "tetrahedra\n1\n1 2 3 4 0\nEnd\n", "line 12: there is a second section tetrahedra"),
+        (MEDIT, "End\n", "TetrahedraP2\n1\n1 2 3 4 0\nEnd\n", "line 12: a keyword .* got 'TetrahedraP2'"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 4 0\n1 2 3 4 0\n", "line 12: a keyword .* got '1'"),
+        (MEDIT, "End\n", "End\n1\n", "line 13: there is more after 'End'"),
+        (MEDIT, "1 0 0 0\n", "1 0 0\n", "line 6: a row of Vertices must have 4 numbers on one line"),
+        (MEDIT, "1 0 0 0\n0 1 0 0\n", "1 0 0\n0 1 0 0 0\n", "line 6: a row of Vertices must have 4 numbers"),
+        (MEDIT, "1 0 0 0\n", "1 0 inf 0\n", "line 6: 'inf' is not a finite number"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n5\n", "line 9: a row of Vertices must have 4 numbers"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n-4\n", "line 4: the number of Vertices must be .* got '-4'"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n1000000000000000\n", "ends before its 1000000000000000 Vertices"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 5 0\n", r"line 11: a vertex number must be a whole number in 1\.\.4; got 5"),
+        (MEDIT, "1 2 3 4 0\n", "1 2 3 0 0\n", "line 11: a vertex number .* got 0"),
+        (MEDIT, "End\n", "Triangles\n2\n1 2 3 0\n1 2 4\nEnd\n", "line 13: Triangles must have 2 rows .* got 7"),
+        (MEDIT, "End\n", "Corners\n0\n1\nEnd\n", "line 13: Corners must have 0 rows"),
+        (MEDIT, "End\n", "Corners\n1\n1_\nEnd\n", "line 14: '1_' is not a finite number"),
+        (MEDIT, "End\n", "Corners\n", "it ends where the number of Corners must be"),
+    ],
+)  # fmt: skip
+def test_damaged_text_is_refused_with_its_line(tmp_path, text, old, new, match):
+    file = tmp_path / ("a.hedra" if text is HEDRA else "a.mesh")
+    file.write_text(text)
+    assert len(read_polyhedral(file)) == 1
+    assert text.count(old) == 1
+    file.write_text(text.replace(old, new))
+    with pytest.raises(MeshReadError, match=match) as caught:
+        read_polyhedral(file)
+    assert "\n" not in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_a_long_word_among_many_takes_no_more_memory_than_its_text(tmp_path):
+    import tracemalloc
+
+    file = tmp_path / "a.mesh"
+    file.write_text(MEDIT.replace("1 0 0 0\n", f"1 {'0' * 1_000_000}.5 0 0\n" + "# \n" * 1000))
+    tracemalloc.start()
+    try:
+        assert read_polyhedral(file).vertices[1, 1] == 0.5
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["a.mesh", "a.hedra", "a.vtu"])
+def test_pipes_and_devices_are_refused_at_once(tmp_path, name):
+    import os
+
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes with names here")
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(MeshReadError, match="ordinary file or a folder"):
+        read_polyhedral(tmp_path / name)
+
+
 def test_missing_and_out_of_range(tmp_path):
     with pytest.raises(MeshReadError, match="existing file or folder"):
         read_polyhedral(tmp_path / "nothing.hedra")
     with pytest.raises(MeshReadError, match=r"must hold \.off"):
         read_polyhedral(tmp_path)
-    file = tmp_path / "a.hedra"
-    file.write_text("1 1 1\n0 0 0\n3 1 1 5\n1 1\n")
-    with pytest.raises(MeshError, match=r"a\.hedra.*`faces` must be in 0\.\.0; got 4"):
-        read_polyhedral(file)
 
 
 def test_comments_and_sections_of_medit_files(tmp_path):
@@ -652,6 +808,33 @@ def test_comments_and_sections_of_medit_files(tmp_path):
     mesh = read_polyhedral(file)
     assert mesh.vertices[1, 0] == 0.1  # the digits of the file, though its version says single precision
     assert cell_kernels(mesh).volume[0] == pytest.approx(0.1 / 6)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_optional_sections_comments_and_line_ends_of_medit_files(tmp_path, end):
+    """Cells before vertices, sections that are passed over, several rows on a line, blank lines, no End."""
+    text = (
+        "# made by hand\n\nMeshVersionFormatted\n1\n\nDimension 3\n"
+        "Tetrahedra 2 # before the vertices\n1 2 3 4 0  1 3 2 5 0\n"
+        "BoundingBox 0 0 -1 1 1 1\nAngleOfCornerBound 10\n"
+        "Vertices\n5\n0 0 0 0 1 0 0 0\n# between\n0 1 0 0\n\n  0 0 1e0 0\n0 0 -1 0\n"
+        "Edges\n1\n1 2 0\nQuadrilaterals 0\nNormals 2\n0 0 1\n0 1 0\nNormalAtVertices 1\n1 2\nCorners 2\n1\n2\n"
+        "Ridges 1\n1\nHexahedra\n0\n"
+    )  # fmt: skip
+    file = tmp_path / "a.mesh"
+    file.write_bytes(text.replace("\n", end).encode())
+    np.testing.assert_allclose(cell_kernels(file).volume, [1 / 6, 1 / 6])
+    file.write_bytes((text + "End").replace("\n", end).encode())
+    assert len(read_polyhedral(file)) == 2
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_comments_and_line_ends_of_hedra_files(tmp_path, end):
+    file = tmp_path / "a.hedra"
+    file.write_bytes(
+        ("# a\n\n" + HEDRA.replace("3 2 3 4\n", "# b\n3 2 3 4 # c\n\n") + "\n#").replace("\n", end).encode()
+    )
+    np.testing.assert_allclose(cell_kernels(file).volume, [1 / 6])
 
 
 # ---------------------------------------------------------------- real meshes

@@ -13,15 +13,17 @@ from voxkernel._checks import read_only
 from voxkernel._core import StopFlag, solve_cells, squared_diameter
 from voxkernel._polyhedral_mesh import PolyhedralMesh
 from voxkernel._threads import run_parts
-from voxkernel.convexity import is_locally_convex
+from voxkernel.convexity import is_behind_all_planes, is_locally_convex
 from voxkernel.errors import VoxKernelError
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.polytope import kernel_of_halfspaces
+from voxkernel.polytope import KernelPolytope, kernel_of_halfspaces
 
 __all__ = ["CellKernels", "solve"]
 
 _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 _CHUNK = 8192
+_SMALLEST = float(np.finfo(np.float64).tiny)
+_UNDERFLOW = 1e-305  # in the unit cube: sums of products below it have lost bits
 _DECIDED = ("", "convex", "interior point", "witness", "witness nearby")
 
 
@@ -238,11 +240,14 @@ def _solve_exactly(mesh: PolyhedralMesh, i: int, rtol: float, found: _Answers) -
             return "no volume: the faces enclose exactly 0"
         if enclosed < 0:
             return "inside out: the faces enclose a negative volume"
-        planes = HalfSpaces.from_mesh(surface)
+        with np.errstate(over="ignore", invalid="ignore"):  # too large a cell is refused by its numbers
+            planes = HalfSpaces.from_mesh(surface)
         kernel = kernel_of_halfspaces(planes, None)
-    except (VoxKernelError, ValueError) as error:
+        volume = float(enclosed)
+        if volume < _SMALLEST or (kernel.dimension == 3 and not _has_numbers(kernel, planes.scale)):
+            return "too thin: its volume, or that of its kernel, is too small for a double (rescale first)"
+    except (VoxKernelError, ValueError, ArithmeticError) as error:
         return str(error)
-    volume = float(enclosed)
     found.dimension[i] = kernel.dimension
     found.numbers[i] = volume, _diameter(surface.vertices), kernel.volume, 0.0
     found.center[i] = kernel.deepest_point
@@ -250,11 +255,17 @@ def _solve_exactly(mesh: PolyhedralMesh, i: int, rtol: float, found: _Answers) -
     if kernel.dimension == 3:
         found.numbers[i, 3] = kernel.clearance
         share = kernel.volume / volume
-        is_convex = share > 1.0 - 1e-9 and is_locally_convex(surface, planes)
+        is_convex = share > 1.0 - 1e-9 and (is_locally_convex(surface, planes) or is_behind_all_planes(surface))
         found.share[i] = 1.0 if is_convex else min(share, _BELOW_ONE)
     else:
         found.facets[i] = tuple(int(f) for f in kernel.certificate.facet_ids)
     return ""
+
+
+def _has_numbers(kernel: KernelPolytope, scale: float) -> bool:
+    """Whether no bit of volume and inradius was lost to underflow, in world units or in the frame of the planes."""
+    numbers = ((kernel.volume, scale**3), (kernel.clearance, scale))
+    return all(value >= max(_SMALLEST, _UNDERFLOW * unit) for value, unit in numbers)
 
 
 def _diameter(points: NDArray[np.float64]) -> float:

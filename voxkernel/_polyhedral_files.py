@@ -15,9 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._cells_hedra import parse_hedra
+from voxkernel._cells_medit import parse_medit
 from voxkernel._input_file import input_file
 from voxkernel._mesh_files import read_polygons
-from voxkernel._ply import parse_rows, ranges, whole_numbers
+from voxkernel._ply import ranges
 from voxkernel._vtu import VtuPiece, parse_vtu
 from voxkernel.errors import MeshReadError
 
@@ -66,7 +68,7 @@ def read_cells(path: Path) -> RawCells:
         return _read_folder(path)
     path = input_file(path, MeshReadError)
     suffix = path.suffix.lower()
-    parsers = {".hedra": _parse_hedra, ".mesh": _parse_medit}
+    parsers = {".hedra": _read_hedra, ".mesh": _read_medit}
     if suffix not in (*parsers, ".vtu"):
         raise MeshReadError(f"`path` must be a folder or end in one of .hedra .mesh .vtu; got '{path}'")
     try:
@@ -147,69 +149,16 @@ def join_cells(
 # ---------------------------------------------------------------- files
 
 
-def _parse_hedra(text: str) -> RawCells:
-    """Counts of vertices, faces and cells; then their rows. Faces and cells are (count, 1-based numbers).
-
-    Face numbers of a cell may be negative; files do not agree on what that means, so the sign is not used.
-    """
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise ValueError("the file is empty")
-    head = [int(word) for word in lines[0].split()]
-    if len(head) != 3 or min(head) < 0:
-        raise ValueError("its first line is not the numbers of vertices, faces and cells")
-    n_vertices, n_faces, n_cells = head
-    if len(lines) < 1 + sum(head):
-        raise ValueError(f"it ends before its {n_vertices} vertices, {n_faces} faces and {n_cells} cells do")
-    middle, end = 1 + n_vertices, 1 + n_vertices + n_faces
-    values, width = parse_rows(lines[1:middle])
-    if (width != 3).any():
-        raise ValueError("a vertex does not have 3 coordinates")
-    flat, sizes = _counted(lines[middle:end], "face")
-    faces, counts = _counted(lines[end : end + n_cells], "cell")
-    if (flat <= 0).any() or (faces == 0).any():
-        raise ValueError("number 0 or a negative vertex (they start at 1)")
-    return RawCells(values.reshape(-1, 3), flat - 1, sizes, np.abs(faces) - 1, counts, [""] * n_cells, True)
+def _read_hedra(text: str) -> RawCells:
+    """Cells whose faces are shared."""
+    arrays = parse_hedra(text)
+    return RawCells(*arrays, [""] * len(arrays[-1]), True)
 
 
-def _counted(lines: list[str], name: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows that start with the number of what follows."""
-    values, width = parse_rows(lines)
-    starts = np.cumsum(width) - width
-    sizes = whole_numbers(values[starts])
-    if (sizes + 1 != width).any():
-        raise ValueError(f"a {name} does not have as many numbers as it says")
-    return whole_numbers(values[ranges(starts + 1, sizes)]), sizes
-
-
-def _parse_medit(text: str) -> RawCells:
-    """Sections of a keyword, a count and rows of 1-based vertex numbers with a reference; others are passed over."""
-    words = re.sub(r"#[^\r\n]*", "", text).split()
-    if not words or words[0].lower() not in ("meshversionformatted", "meshversionunformatted"):
-        raise ValueError("it does not start with 'MeshVersionFormatted'")
-    vertices = np.zeros((0, 3))
-    parts: list[tuple[NDArray[np.int64], tuple[tuple[int, ...], ...]]] = []
-    at = 0
-    while at < len(words):
-        word = words[at].lower()
-        at += 1
-        if word == "dimension" and int(words[at]) != 3:
-            raise ValueError(f"its dimension is {words[at]}, not 3")
-        corners = _MEDIT.get(word)
-        if word != "vertices" and corners is None:
-            continue
-        n = int(words[at])
-        columns = 4 if corners is None else 2 + max(max(face) for face in corners)
-        body = words[at + 1 : at + 1 + n * columns]
-        if n < 0 or len(body) < n * columns:
-            raise ValueError(f"it ends before its {n} {word} do")
-        table = np.array(body, dtype=np.float64).reshape(n, columns)[:, :-1]
-        at += 1 + n * columns
-        if corners is None:
-            vertices = table
-        else:
-            parts.append((whole_numbers(table) - 1, corners))
-    return _standard_cells(vertices, parts)
+def _read_medit(text: str) -> RawCells:
+    """Cells of four kinds, in the order of the file."""
+    vertices, tables = parse_medit(text, {name: 1 + max(map(max, faces)) for name, faces in _MEDIT.items()})
+    return _standard_cells(vertices, [(ids, _MEDIT[name]) for name, ids in tables])
 
 
 def _standard_cells(

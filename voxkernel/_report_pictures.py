@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import posixpath
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -13,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._input_file import check_stored_file
+from voxkernel._npz import DAMAGE, NpzArrays
 from voxkernel._report_rows import ReportRows, worst_first
 
 __all__ = ["Pictures", "collect", "spread_order"]
 
 _KINDS = ((b"\x89PNG\r\n\x1a\n", "image/png"), (b"\xff\xd8\xff", "image/jpeg"))
 _MOST_VERTICES = 2_000_000
+_MOST_BYTES = 100 * _MOST_VERTICES  # of an array of a view
 
 
 @dataclass(slots=True)
@@ -127,15 +128,12 @@ def _image(data: bytes) -> str:
 
 def _view(data: bytes) -> dict[str, Any]:
     """Check the arrays of a view and write them as base64 little-endian float32 and uint32."""
-    import zipfile
-    import zlib
-
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            surface = _mesh(arrays["vertices"], arrays["faces"], "vertices")
-            kernel = _mesh(arrays["kernel_vertices"], arrays["kernel_faces"], "kernel_vertices")
-    except (zipfile.BadZipFile, zlib.error, TypeError, RuntimeError) as error:
-        raise ValueError(f"it is no .npz file of a view: {error}") from None
+        with NpzArrays(data) as arrays:
+            surface = _mesh(arrays, "vertices", "faces")
+            kernel = _mesh(arrays, "kernel_vertices", "kernel_faces")
+    except DAMAGE as error:
+        raise ValueError(f"it is no .npz file of a view: {str(error) or type(error).__name__}") from None
     if not len(surface[1]):
         raise ValueError("it has no faces")
     return {
@@ -144,9 +142,9 @@ def _view(data: bytes) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _mesh(vertices: Any, faces: Any, name: str) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    points = np.asarray(vertices, dtype="<f4").reshape(-1, 3)
-    triangles = np.asarray(faces).reshape(-1, 3)
+def _mesh(arrays: NpzArrays, name: str, faces: str) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    points = np.asarray(arrays.read(name, most_bytes=_MOST_BYTES), dtype="<f4").reshape(-1, 3)
+    triangles = arrays.read(faces, most_bytes=_MOST_BYTES).reshape(-1, 3)
     if len(points) > _MOST_VERTICES:
         raise ValueError(f"`{name}` must have at most {_MOST_VERTICES:,} rows; got {len(points):,}")
     if not np.isfinite(points).all():

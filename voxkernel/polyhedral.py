@@ -64,9 +64,10 @@ def read_polyhedral(path: str | os.PathLike[str]) -> PolyhedralMesh:
     Raises
     ------
     MeshReadError
-        If the file is missing, of another kind, broken, or holds no cells with a volume.
+        If the file is missing, of another kind, broken, or holds no cells with a volume; with the line where a
+        text has a number that is not finite, a wrong count, a row or a keyword too many, or an index out of range.
     MeshError
-        If an index is out of range.
+        If an index of a `.vtu` is out of range.
 
     Notes
     -----

@@ -6,16 +6,14 @@
 
 namespace voxkernel {
 
+void bind_cells(nb::module_& m);
 void bind_convexity(nb::module_& m);
 void bind_feasibility(nb::module_& m);
+void bind_grid_query(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
-void bind_cells(nb::module_& m);
-void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
-void bind_grid_query(nb::module_& m);
-void bind_planes(nb::module_& m);
 void bind_sphere(nb::module_& m);
 
 }  // namespace voxkernel
@@ -32,15 +30,13 @@ NB_MODULE(_core, m) {
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_cells(m);
   bind_convexity(m);
   bind_feasibility(m);
+  bind_grid_query(m);
   bind_linear_program(m);
   bind_planes(m);
   bind_polyhedron(m);
-  bind_cells(m);
-  bind_planes(m);
   bind_predicates(m);
-  bind_grid_query(m);
-  bind_planes(m);
   bind_sphere(m);
 }

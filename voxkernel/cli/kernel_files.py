@@ -74,19 +74,20 @@ def write_grid_file(grid: Any, path: Path) -> None:
 
 def read_grid_file(path: str) -> dict[str, Any]:
     """Read the summary of a file made by `write_grid_file`."""
-    import json
-    import zipfile
-
-    import numpy as np
+    from voxkernel._npz import DAMAGE, NpzArrays, is_shallow, read_json
 
     input_file(path, MeshReadError)
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            if str(arrays["format"]) != FORMAT:
-                raise MeshReadError(f"'{path}' must be a `{FORMAT}` file; got {arrays['format']}")
-            return json.loads(str(arrays["summary"]))
-    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise MeshReadError(f"'{path}' must be an .npz grid of voxkernel; got something else ({error})") from error
+        with NpzArrays(path) as arrays:
+            if (found := arrays.text("format")) != FORMAT:
+                raise ValueError(f"its format is {display(found[:40])}, not `{FORMAT}`")
+            summary = read_json(arrays.text("summary"))
+            if not isinstance(summary, dict) or not is_shallow(summary, 3):
+                raise ValueError("its summary is not that of a grid")
+            return summary
+    except DAMAGE as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise MeshReadError(f"'{path}' must be an .npz grid of voxkernel; got something else ({reason})") from error
 
 
 def write_polygon_ply(kernel: Any, path: Path) -> None:
