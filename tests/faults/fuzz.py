@@ -70,6 +70,8 @@ def judge(form, path, expected=None):
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             meaning = form.read(path)
+        if form.law is not None:
+            form.law(path.read_bytes(), meaning)
     except MemoryError as error:
         return "memory", _where(error)
     except AssertionError as error:
@@ -93,6 +95,7 @@ def judge(form, path, expected=None):
         verdict = "accepted", ""
         if expected is not None and not _equal(meaning, expected):
             return "meaning", "the same in other words is read as something else"
+    warned = [one for one in warned if not form.warns or form.warns not in str(one.message)]
     if warned:
         first = warned[0]
         return "warning", f"{first.category.__name__}: {first.message} ({_short(first.filename)}:{first.lineno})"
@@ -252,7 +255,7 @@ def signature(kind, details):
     return f"{kind} {''.join(c for c in details if not c.isdigit())[:60]}"
 
 
-def run_format(name, seed, count, out, say=lambda text: None):
+def run_format(name, seed, count, out):
     """Read `count` inputs of a format; resumes from, and writes, `out`/`name`-`seed`.json."""
     out.mkdir(parents=True, exist_ok=True)
     file = out / f"{name}-{seed}.json"
@@ -264,7 +267,7 @@ def run_format(name, seed, count, out, say=lambda text: None):
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=MEMORY_DISK) as folder:
         work = Path(folder)
         while state["next"] < count and state["deaths"] < MOST_DEATHS:
-            start = time.perf_counter()
+            start = _processor_seconds()
             stop = min(state["next"] + BATCH, count)
             found, died, counts = in_child(name, seed, range(state["next"], stop), work)
             if died == -1:
@@ -285,12 +288,16 @@ def run_format(name, seed, count, out, say=lambda text: None):
                     example.write_bytes(data)
                     repeats = bool(in_child(name, seed, [number], work)[0])
                     entry |= {"file": example.name, "bytes": len(data), "repeats": repeats}
-            state["seconds"] = round(state["seconds"] + time.perf_counter() - start, 3)
+            state["seconds"] = round(state["seconds"] + _processor_seconds() - start, 3)
             beside = file.with_suffix(".part")
             beside.write_text(json.dumps(state, indent=1))
             beside.replace(file)
-            say(state)
     return state
+
+
+def _processor_seconds():
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in usage)
 
 
 def summary(state):

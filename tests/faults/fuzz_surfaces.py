@@ -24,7 +24,7 @@ def read_surface(path):
         assert (np.diff(ids) >= 0).all(), "facet numbers are not ascending"
         assert ids[0] >= 0, "a facet number below 0"
         assert ids[-1] < mesh.n_input_facets, "a facet number beyond the input"
-    return mesh.vertices, mesh.faces, mesh.facet_ids
+    return mesh.vertices, mesh.faces, mesh.facet_ids, np.array([mesh.n_input_facets])
 
 
 def bodies():

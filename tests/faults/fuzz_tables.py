@@ -1,4 +1,4 @@
-"""Runs of `evaluate` for the fuzzing: their tables, pictures, settings and labels."""
+"""Runs of `evaluate` for the fuzzing: their tables, pictures and labels."""
 
 import io
 import json
@@ -77,15 +77,6 @@ def read_report_view(path):
         collect(str(run), from_table(to_table([row])), n_views=1, max_bytes=10**7)
     except ValueError as error:
         raise AssertionError(f"a picture cost the report: {error}") from error
-    return ()
-
-
-def read_settings_json(path):
-    from voxkernel._rows import read_settings
-
-    run = _fresh_run(path)
-    shutil.copyfile(path, run / "settings.json")
-    assert isinstance(read_settings(str(run)), dict), "settings that are no table"
     return ()
 
 
@@ -200,11 +191,6 @@ def view_seeds():
 
 def damage_view(rng, data):
     return fm.damage_zip(rng, data, damage_member) if data[:2] == b"PK" else fm.damage_bytes(rng, data)
-
-
-def settings_seeds():
-    document = {"domain": None, "gap": 1e-4, "depth": 6, "tolerances": [0.01, 0.03, 0.1], "versions": {"numpy": "2.0"}}
-    return [json.dumps(document, indent=1).encode()]
 
 
 def labels_seeds():

@@ -51,7 +51,7 @@ def test_damaged_files(name, amount, states):
     assert not state["failures"], "\n".join([fuzz.summary(state), *fuzz.lines_of(state)])
     assert state["next"] == COUNTS[amount]
     assert state["accepted"] > 0  # damage that is always seen at once tests nothing
-    assert state["refused"] > 0 or name == "report_view"
+    assert state["refused"] > 0 or name in ("cell_folder", "report_view")  # there it costs a cell or a picture
     assert state["same"] > 0 or FORMATS[name].same is None
 
 
@@ -152,8 +152,8 @@ def test_a_run_goes_on_where_it_stopped(tmp_path):
 @pytest.mark.parametrize("name", ["ply_ascii", "off", "obj", "npz"])
 def test_guided_by_coverage(name, tmp_path):
     pytest.importorskip("atheris", reason="atheris is not installed: pip install atheris (Linux)")
-    words = [name, f"-artifact_prefix={tmp_path}/", "-runs=1500", "-seed=1"]
+    words = [name, f"-artifact_prefix={tmp_path}/", "-runs=1500", "-seed=1", "-timeout=200"]
     done = subprocess.run(
-        [sys.executable, str(HERE / "fuzz_atheris.py"), *words], capture_output=True, text=True, timeout=300
+        [sys.executable, str(HERE / "fuzz_atheris.py"), *words], capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 0, done.stderr[-3000:]
