@@ -317,7 +317,7 @@ def damage_zip(rng, data, damage_member):
         members[at] = (name, damage_member(rng, name, content))
     names = [member for member, _ in members]
     members = [member for k, member in enumerate(members) if member[0] not in names[:k]]
-    methods = (zipfile.ZIP_DEFLATED, zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2)
+    methods = [zipfile.ZIP_DEFLATED] * 8 + [zipfile.ZIP_STORED] * 4 + [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2]
     method = rng.choice(methods)
     packed = zip_bytes(members, method)
     return damage_bytes(rng, packed, zip_fields(packed)) if rng.random() < 0.2 else packed

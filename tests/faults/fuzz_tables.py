@@ -18,8 +18,8 @@ def _report(run, data):
     """A report of one kind, chosen by the content; the page is rare, for it takes fifty times as long."""
     from voxkernel import write_report
 
-    chance = zlib.crc32(data) % 50
-    path = run / ("report.html" if chance == 0 else "report.md" if chance < 20 else "report.json")
+    chance = zlib.crc32(data) % 100
+    path = run / ("report.html" if chance == 0 else "report.md" if chance < 30 else "report.json")
     write_report(run, path)
     text = path.read_bytes().decode("utf-8")
     if path.suffix == ".json":
@@ -52,13 +52,23 @@ def read_report_rows(path):
     from voxkernel._rows import to_table
 
     data = path.read_bytes()
-    tables = []
-    for row in json.loads(data.decode("utf-8", "surrogatepass")):
-        try:
-            tables.append(to_table([row]))
-        except (pa.ArrowException, TypeError, OverflowError, UnicodeError, ValueError):
-            continue
-    return _report(_with_part(path, _parquet(pa.concat_tables([to_table([]), *tables]))), data)
+    rows = json.loads(data.decode("utf-8", "surrogatepass"))
+    table = _table_of(rows)
+    if table is None:
+        tables = [_table_of([row]) for row in rows]
+        table = pa.concat_tables([to_table([]), *(one for one in tables if one is not None)])
+    return _report(_with_part(path, _parquet(table)), data)
+
+
+def _table_of(rows):
+    import pyarrow as pa
+
+    from voxkernel._rows import to_table
+
+    try:
+        return to_table(rows)
+    except (pa.ArrowException, TypeError, OverflowError, UnicodeError, ValueError):
+        return None
 
 
 def read_report_view(path):
