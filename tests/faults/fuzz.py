@@ -319,7 +319,7 @@ def lines_of(state):
         )
 
 
-def warm_up(names):
+def warm_up(name):
     """Import, compile and make seeds before the first fork, so that no input pays for it."""
     import blosc  # noqa: F401
     import pyarrow.parquet  # noqa: F401
@@ -328,19 +328,18 @@ def warm_up(names):
     import voxkernel
     from voxkernel.polyhedral import PolyhedralMesh
 
-    if any(FORMATS[name].read.__name__ == "read_cells" for name in names):
+    form = FORMATS[name]
+    if form.read.__name__ == "read_cells":
         for body in (shapes.l_prism(), shapes.two_boxes(), shapes.s_tetromino(), shapes.torus()):
             voxkernel.exact_kernel(body)
             voxkernel.cell_kernels(PolyhedralMesh.from_cells([body]))
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=MEMORY_DISK) as folder:
-        for name in names:
-            form = FORMATS[name]
-            path = Path(folder) / f"seed{form.suffix}"
-            for data in form.seeds:
-                form.damage(random.Random(0), data)
-                if form.is_quiet:
-                    path.write_bytes(data)
-                    form.read(path)
+        path = Path(folder) / f"seed{form.suffix}"
+        for data in form.seeds:
+            form.damage(random.Random(0), data)
+            if form.is_quiet:
+                path.write_bytes(data)
+                form.read(path)
     gc.collect()
     gc.freeze()
 
@@ -379,9 +378,9 @@ def main(words=None):
             path.write_bytes(make_input(names[0], args.seed, args.only)[0])
         again(form, path)
         return 0
-    warm_up(names)
     failed = False
     for name in names:
+        warm_up(name)
         state = run_format(name, args.seed, args.count, out)
         failed |= state["failed"] > 0
         print(summary(state), flush=True)

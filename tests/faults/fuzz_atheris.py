@@ -35,7 +35,7 @@ with atheris.instrument_imports(include=READERS):
 def main():
     name = sys.argv[1]
     form = fuzz.FORMATS[name]
-    fuzz.warm_up([name])
+    fuzz.warm_up(name)
     folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir=fuzz.MEMORY_DISK))
     corpus = folder / "corpus"
     corpus.mkdir()
