@@ -7,6 +7,7 @@
 namespace voxkernel {
 
 void bind_planes(nb::module_& m);
+void bind_predicates(nb::module_& m);
 
 }  // namespace voxkernel
 
@@ -23,4 +24,5 @@ NB_MODULE(_core, m) {
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
   bind_planes(m);
+  bind_predicates(m);
 }
