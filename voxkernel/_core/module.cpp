@@ -6,8 +6,10 @@
 
 namespace voxkernel {
 
+void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_predicates(nb::module_& m);
+void bind_violation(nb::module_& m);
 
 }  // namespace voxkernel
 
@@ -23,6 +25,8 @@ NB_MODULE(_core, m) {
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
       .def(nb::init<>())
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
+  bind_octree(m);
   bind_planes(m);
   bind_predicates(m);
+  bind_violation(m);
 }
