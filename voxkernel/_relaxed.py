@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import StopFlag, relaxed_cells
 from voxkernel._cube import RootCube, cube_planes
+from voxkernel._threads import run_parts
 from voxkernel._weights import WeighedPlanes
 from voxkernel.domain import Domain
 from voxkernel.halfspaces import HalfSpaces
@@ -58,8 +59,6 @@ def relaxed_cells_of(
     count_only: bool = False,
 ) -> list[RelaxedCells]:
     """Classify the cube for every share, in one traversal; the result does not depend on `threads`."""
-    from voxkernel._loops.relaxed import relaxed_cells
-
     order = np.argsort(shares, kind="stable")
     ins, outs = planes.thresholds([shares[k] for k in order])
     normals, offsets, reach, pads, weights, n_domain = cube_arrays(planes, domain, cube, depth)
@@ -70,10 +69,10 @@ def relaxed_cells_of(
 
     def run(
         numbers: NDArray[np.float64], weights: NDArray[np.int64], n_domain: int, certain: int,
-        k_range: NDArray[np.int64], level: int, start: NDArray[np.int64], stop: int,
+        k_range: NDArray[np.int64], level: int, start: NDArray[np.int64], stop_level: int, flag: StopFlag | None = None,
     ) -> tuple[Any, ...]:  # fmt: skip
         return relaxed_cells(
-            numbers, weights, n_domain, certain, ins, outs, k_range, depth, level, start, stop, count_only
+            numbers, weights, n_domain, certain, ins, outs, k_range, depth, level, start, stop_level, count_only, flag
         )
 
     root = np.zeros(3, np.int64)
@@ -86,10 +85,9 @@ def relaxed_cells_of(
         jobs = [
             (listed[first:end], listed_weights[first:end], middle - first, certain, row[7:], split, row[:3], _NEVER)
             for row in pending
-            for first, middle, end, certain in [row[3:7]]
+            for first, middle, end, certain in [row[3:7].tolist()]
         ]
-        with ThreadPoolExecutor(threads) as pool:
-            parts = [top, *pool.map(run, *zip(*jobs, strict=True))] if jobs else [top]
+        parts = [top, *run_parts(lambda job, flag: run(*job, flag), jobs, threads)]
     found = [_sorted_out(parts, k) for k in range(len(shares))]
     return [found[k] for k in np.argsort(order, kind="stable")]
 

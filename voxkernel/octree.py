@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, as_points, as_positive
+from voxkernel._core import exact_cells
 from voxkernel._cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
 from voxkernel._relaxed import RelaxedCells, relaxed_cells_of
 from voxkernel._weights import WeighedPlanes, halfspaces_of, relaxed_domain, weigh
@@ -410,8 +411,6 @@ def _grid(
     planes: HalfSpaces, dimension: int, region: Domain | None, cube: RootCube, depth: int, reason: str = ""
 ) -> KernelGrid:
     """Run the octree and wrap its arrays."""
-    from voxkernel._loops.octree import exact_cells
-
     volume = (cube.edge / 2**depth) ** 3
     if dimension < 0:
         nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
@@ -440,8 +439,6 @@ def _refined(
     axes: NDArray[np.float64], rtol: float,
 ) -> KernelGrid:  # fmt: skip
     """Deepen until the bounds agree; the voxels are counted first and stored once."""
-    from voxkernel._loops.octree import exact_cells
-
     cube, _ = root_cube(corners, axes)
     if dimension < 3:
         reason = "" if dimension < 0 else "a kernel without volume has no relative accuracy"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal
@@ -11,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_depth, as_nonnegative, as_points, as_positive, read_only
+from voxkernel._core import StopFlag, least_violated, violated_weights, violation_cells
 from voxkernel._cube import MIN_DEPTH, RootCube, root_cube
 from voxkernel._relaxed import cube_arrays
+from voxkernel._threads import run_parts
 from voxkernel._weights import UNITS, WeighedPlanes, halfspaces_of, relaxed_domain, weigh
 from voxkernel.domain import Domain, surface_frame
 from voxkernel.feasibility import find_feasibility
@@ -142,8 +143,6 @@ def violation(
 
 def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
     """Add up the integer weights that points violate, every sign exact."""
-    from voxkernel._loops.violation import violated_weights
-
     facets = planes.facets
     with np.errstate(over="ignore", invalid="ignore"):
         local = np.ascontiguousarray(facets.to_local(points).T)
@@ -153,16 +152,11 @@ def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, thread
         facets.corner_ids(), facets.vertices, _expansions_hold(facets.vertices) and _expansions_hold(points),
     )  # fmt: skip
     parts = _parts_of(local, max(1, min(4 * threads, len(points) // _THREAD_CHUNK)) if threads > 1 else 1)
-    if len(parts) == 1:
-        open_pairs = violated_weights(*arrays, parts[0], sums)
-    else:
 
-        def run(part: NDArray[np.int64]) -> Any:
-            return violated_weights(*arrays, part, sums)
+    def run(part: NDArray[np.int64], stop: StopFlag) -> NDArray[np.int64]:
+        return violated_weights(*arrays, part, sums, stop)
 
-        with ThreadPoolExecutor(threads) as pool:
-            open_pairs = np.concatenate(list(pool.map(run, parts)))
-    for p, i in open_pairs:
+    for p, i in np.concatenate(run_parts(run, parts, threads)):
         a, b, c, d = facets.integer_planes([i])[0]
         x, y, z = facets.world_to_lattice([Fraction(float(v)) for v in points[p]])
         if a * x + b * y + c * z > d:
@@ -173,7 +167,9 @@ def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, thread
 def _expansions_hold(values: NDArray[np.float64]) -> bool:
     """Whether products of these coordinates neither overflow nor underflow in expansion arithmetic."""
     used = np.abs(values)
-    return used.size == 0 or (used.max() <= 2.0**200 and np.min(used, where=used > 0, initial=1.0) >= 2.0**-200)
+    if used.size == 0:
+        return True
+    return bool(used.max() <= 2.0**200 and np.min(used, where=used > 0, initial=1.0) >= 2.0**-200)
 
 
 def _parts_of(local: NDArray[np.float64], count: int) -> list[NDArray[np.int64]]:
@@ -279,8 +275,6 @@ def _searched(
     planes: WeighedPlanes, mesh: TriangleMesh | None, region: Domain, gap: float, ratio: float
 ) -> tuple[NDArray[np.float64], int, int, int]:
     """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
-    from voxkernel._loops.center import least_violated
-
     axes = np.eye(3) if mesh is None else surface_frame(mesh)[1]
     cube = _skew_cube(region, axes)
     arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
@@ -403,8 +397,6 @@ def violation_grid(
     >>> float(field.values_at([[1, 1, 1]])[0])
     0.0
     """
-    from voxkernel._loops.field import violation_cells
-
     if tolerance is not None and margin is not None:
         raise ValueError("`margin` must not be given together with `tolerance`; got both")
     as_choice("frame", frame, ("world", "principal"))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, as_positive
+from voxkernel._core import faces_away
 from voxkernel._weights import UNITS, weigh
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
@@ -175,8 +176,6 @@ def _times_around(mesh: TriangleMesh, point: NDArray[np.float64]) -> float:
 
 def _areas_facing(mesh: TriangleMesh, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Areas of the triangles, 0 for those that turn their back to the point."""
-    from voxkernel._loops.violation import faces_away
-
     corners = _corners(mesh, point)
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     areas[faces_away(mesh.vertices, mesh.faces, point)] = 0.0

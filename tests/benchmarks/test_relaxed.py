@@ -12,9 +12,8 @@ import pytest
 from synthetic import bumpy, geodesic_sphere
 
 import voxkernel
+from voxkernel._core import least_violated, relaxed_cells
 from voxkernel._cube import RootCube
-from voxkernel._loops.center import least_violated
-from voxkernel._loops.relaxed import relaxed_cells
 from voxkernel._relaxed import cube_arrays
 from voxkernel._weights import UNITS, weigh
 from voxkernel.domain import planes_domain

@@ -15,6 +15,10 @@ void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
 void bind_predicates(nb::module_& m);
 void bind_sphere(nb::module_& m);
+void bind_octree(nb::module_& m);
+void bind_planes(nb::module_& m);
+void bind_predicates(nb::module_& m);
+void bind_violation(nb::module_& m);
 
 }  // namespace voxkernel
 
@@ -39,4 +43,8 @@ NB_MODULE(_core, m) {
   bind_polyhedron(m);
   bind_predicates(m);
   bind_sphere(m);
+  bind_octree(m);
+  bind_planes(m);
+  bind_predicates(m);
+  bind_violation(m);
 }
