@@ -28,8 +28,8 @@ inline bool is_active(const BlockTable& table, Index x, Index y, Index z) {
 inline std::int32_t cell(double value) {
   double near = value < kFar ? value : kFar;
   near = near > -kFar ? near : -kFar;
-  const auto towards_zero = static_cast<std::int32_t>(near);
-  return towards_zero - (near < towards_zero);
+  const double whole = static_cast<std::int32_t>(near);  // towards zero
+  return static_cast<std::int32_t>(whole > near ? whole - 1.0 : whole);
 }
 
 // 21 bits with two zero bits between them.
@@ -67,18 +67,20 @@ inline bool is_active(const MortonRuns& runs, Index x, Index y, Index z) {
 template <typename Grid>
 void points_in(Points points, const double* origin, Points to_cells, const Grid& grid, Span<bool> active, Stop& stop) {
   constexpr Index kStretch = 256;
+  double away[3][kStretch];  // a column each, which compilers turn into wide registers
   std::int32_t cells[3][kStretch];
   const Grid own = grid;  // whose address nobody has: it stays in registers
-  const double a = origin[0], b = origin[1], c = origin[2];
   for (Index first = 0; first < points.size(); first += kStretch) {
     const Index n = std::min(kStretch, points.size() - first);
     stop.poll(16 * n);
     const double* p = points[first];
     for (int axis = 0; axis < 3; ++axis) {
+      for (Index i = 0; i < n; ++i) away[axis][i] = p[3 * i + axis] - origin[axis];
+    }
+    for (int axis = 0; axis < 3; ++axis) {
       const double ku = to_cells(axis, 0), kv = to_cells(axis, 1), kw = to_cells(axis, 2);
       std::int32_t* row = cells[axis];
-      for (Index i = 0; i < n; ++i)
-        row[i] = cell((p[3 * i] - a) * ku + (p[3 * i + 1] - b) * kv + (p[3 * i + 2] - c) * kw);
+      for (Index i = 0; i < n; ++i) row[i] = cell(away[0][i] * ku + away[1][i] * kv + away[2][i] * kw);
     }
     for (Index i = 0; i < n; ++i) active[first + i] = is_active(own, cells[0][i], cells[1][i], cells[2][i]);
   }
