@@ -516,6 +516,33 @@ def test_a_truncated_view_is_no_view(run, rng, tmp_path):
     assert rows_of(Page(html_of(run, tmp_path)))["views"] == []
 
 
+@pytest.mark.parametrize("depth", [9, 300, 900, 100_000])
+def test_nested_settings_are_shown_as_text(run, rng, tmp_path, command, depth):
+    text = "[" * depth + "1" + "]" * depth
+    write_run(run, [surface_row("a.ply", rng, settings=text), surface_row("b.ply", rng)])
+    for suffix in ("html", "md", "json"):
+        summary = write_report(run, tmp_path / f"a.{suffix}")
+    assert text in [entry["value"] for entry in summary["settings"]]
+    code, _, _ = command("report", run, "-o", tmp_path / "b.html")
+    assert code == 0
+
+
+@pytest.mark.parametrize("damage", [b"", b"PAR1", b"no table", None])
+def test_damaged_parts_are_one_line(run, rng, tmp_path, command, damage):
+    write_run(run, [surface_row("a.ply", rng)])
+    (part,) = (run / "rows").iterdir()
+    raw = part.read_bytes()
+    for k in range(1 if damage is not None else 40):
+        spoilt = bytearray(raw)
+        for at in np.random.default_rng(k).integers(0, len(raw), 8):
+            spoilt[at] ^= 0x5A
+        part.write_bytes(bytes(spoilt) if damage is None else damage)
+        code, _, err = command("report", run, "-o", tmp_path / "a.json")
+        assert code == 1 or (code == 0 and damage is None)
+        assert err.count("\n") == 1
+        assert code == 0 or "must be a part of a run" in err
+
+
 def test_the_chosen_shapes_are_spread(run, rng):
     large_run(run, 400, rng)
     rows = load_rows(str(run))

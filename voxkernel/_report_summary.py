@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
@@ -10,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from voxkernel._npz import is_shallow, read_json
 from voxkernel._report_labels import label_summary, labels_of
 from voxkernel._report_rows import CELL_SCORES, OUTCOMES, SCORES, ReportRows, worst_first
 from voxkernel._report_statistics import quantiles, spearman
 
 __all__ = ["summarize"]
 
+_LEVELS = 8  # of nested lists and mappings in settings and versions
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _BAND = (0.1, 0.25, 0.5, 0.75, 0.9)
 
@@ -151,8 +152,10 @@ def _distinct(rows: ReportRows, column: str) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for text, n in sorted(groups.items(), key=lambda item: (-item[1], item[0])):
         try:
-            value = json.loads(text)
+            value = read_json(text)
         except ValueError:
+            value = text
+        if not is_shallow(value, _LEVELS):  # no settings of ours: shown as text
             value = text
         found.append({"n": n, "value": value})
     return found

@@ -169,12 +169,14 @@ def _read_table(pq: Any, fs: Any, name: str) -> Any:
     wanted = schema()
     try:
         table = pq.read_table(pa.BufferReader(data))
+        table.validate(full=True)
         columns = [
             table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
             for f in wanted
         ]
-    except pa.ArrowException as error:
-        raise ValueError(f"'{name}' must be a part of a run; got {error}") from error
+    except (pa.ArrowException, OSError, ValueError, MemoryError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise ValueError(f"'{name}' must be a part of a run; got {reason}") from error
     return pa.Table.from_arrays(columns, schema=wanted)
 
 
@@ -212,7 +214,15 @@ def read_settings(run: str) -> dict[str, Any]:
     fs, path = open_run(run)
     name = posixpath.join(path, "settings.json")
     check_stored_file(fs, name)
-    return json.loads(fs.cat_file(name)) if fs.exists(name) else {}
+    if not fs.exists(name):
+        return {}
+    try:
+        found = json.loads(fs.cat_file(name))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"'{name}' must be the settings of a run; got {type(error).__name__}: {error}") from error
+    if not isinstance(found, dict):
+        raise ValueError(f"'{name}' must be the settings of a run; got {type(found).__name__}")
+    return found
 
 
 def write_csv(fs: Any, run_path: str, table: Any) -> str:
