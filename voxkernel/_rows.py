@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 __all__ = [
-    "COLUMNS", "open_run", "part_names", "read_parts", "read_rows", "read_settings", "remove_parts", "row_key",
-    "schema", "to_table", "write_bytes", "write_csv", "write_part", "write_settings", "write_table_part",
+    "COLUMNS", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows", "read_settings",
+    "remove_parts", "remove_unfinished", "row_key", "schema", "to_table", "write_bytes", "write_csv", "write_part",
+    "write_settings", "write_table_part",
 ]  # fmt: skip
 
 _TEXT = (
@@ -41,6 +42,11 @@ COLUMNS = (
     "thumbnail", "view", "seconds", "seconds_read", "seconds_exact", "seconds_relaxed", "seconds_pictures",
     "finished", "content_hash", "settings_hash", "settings", "versions",
 )  # fmt: skip
+
+
+_UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.tmp")
+# What makes a spreadsheet take a cell for a formula, also behind apostrophes, so that each text has its own cell.
+_FORMULA = re.compile("'*[=+\\-@\t\r\n\0＝＋－＠]")
 
 
 def schema() -> Any:
@@ -88,10 +94,10 @@ def row_key(row: Mapping[str, Any]) -> tuple[str, int]:
 def write_bytes(fs: Any, path: str, data: bytes) -> None:
     """Write a file that is there completely or not at all."""
     fs.makedirs(posixpath.dirname(path), exist_ok=True)
-    if not _is_local(fs):
+    if not is_local(fs):
         fs.pipe_file(path, data)  # one put: the object appears when it is complete
         return
-    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")
+    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")  # as _UNFINISHED says
     try:
         with open(hidden, "wb") as stream:
             stream.write(data)
@@ -198,6 +204,15 @@ def remove_parts(fs: Any, names: Iterable[str]) -> None:
         fs.rm_file(name)
 
 
+def remove_unfinished(run_path: str) -> None:
+    """Delete what `write_bytes` left in a local run when its process was killed; only for who holds the run's lock."""
+    for folder in ("", "rows", "thumbnails", "views"):
+        place = os.path.join(run_path, folder)
+        for name in os.listdir(place) if os.path.isdir(place) else ():
+            if _UNFINISHED.fullmatch(name):
+                os.unlink(os.path.join(place, name))
+
+
 def write_settings(fs: Any, run_path: str, settings: Mapping[str, Any]) -> None:
     """Write `settings.json` of a run."""
     text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
@@ -212,7 +227,7 @@ def read_settings(run: str) -> dict[str, Any]:
 
 
 def write_csv(fs: Any, run_path: str, table: Any) -> str:
-    """Write the table as `rows.csv`; lists become JSON text."""
+    """Write the table as `rows.csv`; lists become JSON text, and texts are `defused`."""
     import csv
     import io
 
@@ -220,12 +235,28 @@ def write_csv(fs: Any, run_path: str, table: Any) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.column_names)
     for row in table.to_pylist():
-        writer.writerow([json.dumps(v) if isinstance(v, list) else v for v in row.values()])
+        writer.writerow([_csv_cell(value) for value in row.values()])
     path = posixpath.join(run_path, "rows.csv")
     write_bytes(fs, path, text.getvalue().encode("utf-8", "surrogateescape"))
     return path
 
 
-def _is_local(fs: Any) -> bool:
+def defused(text: str) -> str:
+    """Put an apostrophe before a text that a spreadsheet would run as a formula.
+
+    A text that begins with apostrophes and then such a character gets one more, so that taking one away from what
+    looks like this always gives the text back.
+    """
+    return "'" + text if _FORMULA.match(text) else text
+
+
+def _csv_cell(value: Any) -> Any:
+    if isinstance(value, list):
+        return json.dumps(value)
+    return defused(value) if isinstance(value, str) else value
+
+
+def is_local(fs: Any) -> bool:
+    """Whether a file system is that of this machine."""
     protocol = fs.protocol
     return "file" in ((protocol,) if isinstance(protocol, str) else protocol)
