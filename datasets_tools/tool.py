@@ -8,6 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
@@ -127,23 +128,20 @@ def write_csv(path: str | os.PathLike[str], columns: Sequence[str], rows: Iterab
 
 def print_csv(lines: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows to an open file, as `write_csv`."""
-    writer = csv.writer(lines, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([cell(row.get(name)) for name in columns] for row in rows)
+    from voxkernel._rows import csv_line
+
+    lines.write(csv_line(columns))
+    lines.writelines(csv_line([cell(row.get(name)) for name in columns]) for row in rows)
 
 
-def cell(value: Any) -> str:
-    """Write one value of a CSV file."""
+def cell(value: Any) -> str | Real:
+    """Write one value of a CSV file; numbers stay numbers, which are no formulas."""
     if value is None:
         return ""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return repr(float(value))
-    if isinstance(value, str):
-        from voxkernel._rows import defused
-
-        return defused(value)
+    if isinstance(value, Real):
+        return float(value) if isinstance(value, float) else value
     return json.dumps(value, sort_keys=True) if isinstance(value, dict | list) else str(value)
 
 

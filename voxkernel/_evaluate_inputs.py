@@ -6,7 +6,6 @@ import csv
 import hashlib
 import os
 import posixpath
-import re
 from collections import Counter
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from voxkernel._rows import defused
+from voxkernel._rows import defused, is_local, open_run
 from voxkernel.errors import MeshReadError
 
 __all__ = [
@@ -105,13 +104,16 @@ def find_items(paths: Iterable[str | os.PathLike[str]], left_out: set[str] | Non
 
 def count_suffixes(names: Iterable[str], *, run: str) -> tuple[tuple[str, int], ...]:
     """Count files by lower-case suffix, the most frequent first; those of the run itself are not counted."""
-    inside = re.sub(r"/*$", "/", _printable(os.path.realpath(run) if _is_local(run) else run))
-    suffixes = [
-        posixpath.splitext(name)[1].lower()
-        for name in names
-        if not (os.path.realpath(name) if _is_local(name) else name).startswith(inside)
-    ]
+    fs, path = open_run(run)
+    inside = _printable(os.path.realpath(path) if is_local(fs) else fs.unstrip_protocol(path)).rstrip("/") + "/"
+    suffixes = [posixpath.splitext(name)[1].lower() for name in names if not _place(name).startswith(inside)]
     return tuple(sorted(Counter(suffixes).items(), key=lambda item: (-item[1], item[0])))
+
+
+def _place(name: str) -> str:
+    """Where a file is, whatever links lead there."""
+    local = name.removeprefix("file://")
+    return os.path.realpath(local) if _is_local(local) else name
 
 
 def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:

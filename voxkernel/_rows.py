@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 __all__ = [
-    "COLUMNS", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows", "read_settings",
-    "remove_parts", "remove_unfinished", "row_key", "schema", "to_table", "write_bytes", "write_csv", "write_part",
-    "write_settings", "write_table_part",
+    "COLUMNS", "csv_line", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows",
+    "read_settings", "remove_parts", "remove_unfinished", "row_key", "schema", "to_table", "write_bytes", "write_csv",
+    "write_part", "write_settings", "write_table_part",
 ]  # fmt: skip
 
 _TEXT = (
@@ -228,16 +228,9 @@ def read_settings(run: str) -> dict[str, Any]:
 
 def write_csv(fs: Any, run_path: str, table: Any) -> str:
     """Write the table as `rows.csv`; lists become JSON text, and texts are `defused`."""
-    import csv
-    import io
-
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.column_names)
-    for row in table.to_pylist():
-        writer.writerow([_csv_cell(value) for value in row.values()])
+    lines = [csv_line(table.column_names), *(csv_line(list(row.values())) for row in table.to_pylist())]
     path = posixpath.join(run_path, "rows.csv")
-    write_bytes(fs, path, text.getvalue().encode("utf-8", "surrogateescape"))
+    write_bytes(fs, path, "".join(lines).encode("utf-8", "surrogateescape"))
     return path
 
 
@@ -250,10 +243,19 @@ def defused(text: str) -> str:
     return "'" + text if _FORMULA.match(text) else text
 
 
-def _csv_cell(value: Any) -> Any:
-    if isinstance(value, list):
-        return json.dumps(value)
-    return defused(value) if isinstance(value, str) else value
+def csv_line(values: Sequence[Any]) -> str:
+    """Write one line of a CSV file: texts `defused`, lists as JSON.
+
+    A carriage return within a text is quoted, as only a writer that ends lines with one does; unquoted it would begin
+    a line of its own, with a cell that may be a formula.
+    """
+    import csv
+    import io
+
+    cells = [defused(v) if isinstance(v, str) else json.dumps(v) if isinstance(v, list) else v for v in values]
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\r\n").writerow(cells)
+    return text.getvalue().removesuffix("\r\n") + "\n"
 
 
 def is_local(fs: Any) -> bool:
