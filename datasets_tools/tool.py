@@ -8,6 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
@@ -104,32 +105,43 @@ def input_folder(path: str) -> Path:
 
 
 def read_csv(path: str | os.PathLike[str]) -> list[dict[str, str]]:
-    """Read a CSV file with a header."""
+    """Read a CSV file with a header; texts that `write_csv` has defused are as they were."""
     with open(path, newline="", encoding="utf-8", errors="surrogateescape") as lines:
-        return [dict(row) for row in csv.DictReader(lines)]
+        return [{name: _as_written(text) for name, text in row.items()} for row in csv.DictReader(lines)]
+
+
+def _as_written(text: Any) -> Any:
+    from voxkernel._rows import defused
+
+    is_defused = isinstance(text, str) and text.startswith("'") and defused(text[1:]) == text
+    return text[1:] if is_defused else text
 
 
 def write_csv(path: str | os.PathLike[str], columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write rows; None is an empty cell, a bool is yes or no, a dict is JSON, floats keep all digits."""
+    """Write rows; None is an empty cell, a bool is yes or no, a dict is JSON, floats keep all digits.
+
+    A text that a spreadsheet would run as a formula gets an apostrophe in front.
+    """
     with open(path, "w", newline="", encoding="utf-8", errors="surrogateescape") as lines:
         print_csv(lines, columns, rows)
 
 
 def print_csv(lines: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows to an open file, as `write_csv`."""
-    writer = csv.writer(lines, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([cell(row.get(name)) for name in columns] for row in rows)
+    from voxkernel._rows import csv_line
+
+    lines.write(csv_line(columns))
+    lines.writelines(csv_line([cell(row.get(name)) for name in columns]) for row in rows)
 
 
-def cell(value: Any) -> str:
-    """Write one value of a CSV file."""
+def cell(value: Any) -> str | Real:
+    """Write one value of a CSV file; numbers stay numbers, which are no formulas."""
     if value is None:
         return ""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return repr(float(value))
+    if isinstance(value, Real):
+        return float(value) if isinstance(value, float) else value
     return json.dumps(value, sort_keys=True) if isinstance(value, dict | list) else str(value)
 
 

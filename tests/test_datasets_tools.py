@@ -35,6 +35,17 @@ def _read(path):
         return list(csv.DictReader(lines))
 
 
+def test_csv_has_no_formulas_and_is_read_as_it_was(tmp_path):
+    import tool
+
+    texts = ["=1", "'=1", "-a", "\t=1", "'quoted'", "plain", ""]
+    tool.write_csv(tmp_path / "a.csv", ["text", "number"], [{"text": text, "number": -0.5} for text in texts])
+    assert [row["text"] for row in _read(tmp_path / "a.csv")] == ["'" + text for text in texts[:4]] + texts[4:]
+    found = tool.read_csv(tmp_path / "a.csv")
+    assert [row["text"] for row in found] == texts
+    assert {row["number"] for row in found} == {"-0.5"}
+
+
 # ---------------------------------------------------------------- every script
 
 

@@ -15,7 +15,7 @@ import shapes
 from voxkernel import _rows, as_mesh
 from voxkernel import defect_profile as profile_of
 from voxkernel import starshapeness as score_of
-from voxkernel._evaluate_inputs import Item, Labels, content_hash, find_items, labelled, read_labels
+from voxkernel._evaluate_inputs import Item, Labels, content_hash, count_suffixes, find_items, labelled, read_labels
 from voxkernel._evaluate_settings import settings_hash
 from voxkernel.cli import main as cli
 from voxkernel.evaluate import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate
@@ -74,6 +74,7 @@ def test_counts(full):
     assert (result.n_rows, result.n_ok, result.n_failed, result.n_reused) == (7, 6, 1, 0)
     assert len(rows) == 7
     assert repr(result).endswith("rows=7, ok=6, failed=1, reused=0)")
+    assert result.left_out == ((".txt", 1),)
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -154,8 +155,40 @@ def test_csv_beside_the_table(full):
     assert json.loads(cube["profile_tolerances"]) == [0.0, 0.05, 0.5]
 
 
+FORMULAS = [f"{start}cmd|' /C calc'!A0.ply" for start in "=+-@\t\r\n＝"]
+
+
+def test_no_cell_of_the_csv_is_a_formula(tmp_path):
+    """The rule of OWASP: an apostrophe before what begins like a formula. Numbers and Parquet stay as they are."""
+    rows = [{"file": name, "label": "'=x", "reason": "-", "status": "ok", "ratio": -0.5} for name in FORMULAS]
+    fs, path = _rows.open_run(str(tmp_path))
+    _rows.write_part(fs, path, rows)
+    table = _rows.read_rows(str(tmp_path))
+    _rows.write_csv(fs, path, table)
+    with open(tmp_path / "rows.csv", newline="", encoding="utf-8") as stream:
+        listed = list(csv.DictReader(stream))
+    assert {row["file"] for row in listed} == {"'" + name for name in FORMULAS}
+    assert {row["reason"] for row in listed} == {"'-"}
+    assert {row["label"] for row in listed} == {"''=x"}  # one apostrophe less is the text, always
+    assert {float(row["ratio"]) for row in listed} == {-0.5}
+    assert set(table.column("file").to_pylist()) == set(FORMULAS)
+
+
+def test_texts_that_are_no_formulas_are_left():
+    for text in ("", "a=b", "'quoted'", "1-2", " =1", "<b>", "0"):
+        assert _rows.defused(text) == text
+
+
+def test_labels_of_a_table_written_by_this_library(tmp_path):
+    file = tmp_path / "rows.csv"
+    file.write_text("file,label\n'=1.ply,one\n'+2,two\n")
+    labels = read_labels(file)
+    assert [labels.of(name)[0] for name in ("in/=1.ply", "+2.ply", "2.ply")] == ["one", "two", None]
+
+
 def test_settings_beside_the_table(full):
     told = _rows.read_settings(str(full[0]))
+    assert told["left_out"] == {".txt": 1}
     assert told["settings"]["energies"] == 4
     assert told["n_meshes"] == 7
 
@@ -406,6 +439,30 @@ def test_a_damaged_part_is_named(tmp_path):
         _rows.read_rows(str(tmp_path))
 
 
+def test_files_left_out_are_counted_by_suffix(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.ply", "b.TXT", "c.txt", "LICENSE", "d/e.jpg", "d/f.off", "run/rows/part-1.parquet", ".hidden.txt"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+
+    def counted(*paths, run="run"):
+        others = set()
+        find_items(paths, others)
+        return count_suffixes(others, run=run)
+
+    every = ((".txt", 2), ("", 1), (".jpg", 1))
+    assert counted(".") == counted(tmp_path) == counted(".", "./d") == every
+    assert counted("**/*") == counted(f"file://{tmp_path}", run=f"file://{tmp_path}/run") == every
+    assert counted(".", run="elsewhere") == (*every, (".parquet", 1))
+    assert counted(".", "c.txt") == (("", 1), (".jpg", 1), (".txt", 1))  # a file that is named is taken
+    assert counted("c.txt") == counted("d/*.off") == ()
+    fs = fsspec.filesystem("memory")
+    for name in ("a.ply", "b.txt", "d/c.txt", "run/rows/x.parquet"):
+        fs.pipe_file(f"/left_out/{name}", b"")
+    assert counted("memory://left_out", run="memory://left_out/run") == ((".txt", 2),)
+    assert counted("memory://left_out/*") == ((".txt", 1),)
+
+
 def test_labels_by_path_name_and_stem(tmp_path):
     file = tmp_path / "labels.csv"
     file.write_text("\ufefffile,label,other\na/x.ply,path,1\ny.ply,name,2\nz,stem,3\nnobody,none,4\n")
@@ -517,9 +574,13 @@ def test_command(meshes, tmp_path, command):
     labels = tmp_path / "labels.csv"
     labels.write_text("file,label\ncube,round\nghost.ply,?\n")
     run = tmp_path / "run"
-    words = (meshes / "solids", meshes / "broken.ply", "-o", run, "--workers", 1, "--labels", labels, "--csv")
-    code, out, err = command(*words)
-    assert (code, out) == (1, f"{run}: 5 rows, 4 meshes ok, 1 failed\n")
+    (tmp_path / "more").mkdir()
+    for name in ("a.txt", "b.txt", "README"):
+        (tmp_path / "more" / name).write_text("no mesh")
+    words = (meshes / "solids", meshes / "broken.ply", tmp_path / "more", "-o", run, "--workers", 1)
+    code, out, err = command(*words, "--labels", labels, "--csv")
+    left_out = "3 files left out by suffix: 2 .txt, 1 without suffix"
+    assert (code, out) == (1, f"{run}: 5 rows, 4 meshes ok, 1 failed; {left_out}\n")
     assert "voxkernel: 5 of 5 done, 1 failed" in err
     assert "voxkernel: no mesh for the label of 'ghost.ply'" in err
     assert (run / "rows.csv").exists()

@@ -10,17 +10,18 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from voxkernel._evaluate_inputs import BadInput
+from voxkernel._evaluate_scratch import scratch_folder
 from voxkernel._evaluate_settings import EvaluateSettings
 from voxkernel._evaluate_worker import OWN_WORKER, run_batch
 from voxkernel.errors import SolverError
 
 __all__ = ["Cluster", "connected"]
 
-# A worker that dies takes one task with it; memory is not spilled, and a busy worker not given up.
+# A worker that dies takes one task with it; memory is not spilled, and a busy worker not given up. No pages: they have
+# no password.
 _CONFIG: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
@@ -32,6 +33,8 @@ _CONFIG: dict[str, Any] = {
     "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.limit": "1h",
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
 }  # fmt: skip
 _GUARD = 'A script, which must be a file, has to call `evaluate` under `if __name__ == "__main__":`.'
 _NEVER = logging.CRITICAL + 1
@@ -64,9 +67,13 @@ class Cluster:
 
 @contextmanager
 def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
-    """Connect to the scheduler of the settings, or start worker processes and end them afterwards."""
+    """Connect to the scheduler of the settings, or start worker processes and end them afterwards.
+
+    Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
+    ours talk over TLS, with a key that is made for this run and that only its processes know.
+    """
     from dask import config
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Security
     from distributed.comm.addressing import get_address_host
 
     if settings.scheduler is not None:
@@ -81,8 +88,9 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
         return
     ends: dict[str, tuple[int, bool]] = {}
     n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
-    with _quiet(), config.set(_CONFIG), TemporaryDirectory(prefix="voxkernel-") as folder:
+    with _quiet(), scratch_folder() as folder, config.set(_CONFIG, **{"temporary-directory": folder}):
         options: dict[str, Any] = {"dashboard_address": None, "env": _ENVIRONMENT, "local_directory": folder}
+        options |= {"protocol": "tls://", "security": Security.temporary()}
         options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
         try:
             with _interrupt_blocked():

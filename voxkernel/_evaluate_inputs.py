@@ -6,6 +6,7 @@ import csv
 import hashlib
 import os
 import posixpath
+from collections import Counter
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,9 +15,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from voxkernel._input_file import check_stored_file, input_file
+from voxkernel._rows import defused, is_local, open_run
 from voxkernel.errors import MeshReadError
 
-__all__ = ["BadInput", "Item", "Labels", "content_hash", "find_items", "local_copy", "read_labels", "with_data"]
+__all__ = [
+    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "labelled", "local_copy",
+    "read_labels", "with_data",
+]  # fmt: skip
 
 _SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .x3d .x3dv".split())
 _SOLIDS = (".hedra", ".mesh", ".vtu")
@@ -57,9 +62,10 @@ class Labels:
             return (parent or None), None
         parts = posixpath.normpath(name).split("/")
         ends = ["/".join(parts[k:]) for k in range(len(parts))]  # a table may be relative to any folder above
-        for key in (name, *ends, posixpath.splitext(parts[-1])[0]):
-            if key in self.table:
-                return self.table[key], key
+        for own in (name, *ends, posixpath.splitext(parts[-1])[0]):
+            for key in (own, defused(own)):  # a table may be one that this library wrote
+                if key in self.table:
+                    return self.table[key], key
         return None, None
 
 
@@ -82,31 +88,62 @@ def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
     return Labels({file.replace(os.sep, "/"): label for file, label in rows if file})
 
 
-def find_items(paths: Iterable[str | os.PathLike[str]]) -> list[Item]:
+def find_items(paths: Iterable[str | os.PathLike[str]], left_out: set[str] | None = None) -> list[Item]:
     """Find the meshes of files, folders (with all below), globs and fsspec URLs, sorted by name, each once.
 
-    A file that is named is taken whatever it is; of folders and globs only files with a known suffix are.
+    A file that is named is taken whatever it is; of folders and globs only files with a known suffix are, and the
+    names of the others go to `left_out`.
     """
     found: dict[str, str] = {}
+    others: set[str] = set()
     for path in paths:
-        for name, url in _expanded(os.fspath(path)):
+        for name, url in _expanded(os.fspath(path), others):
             found[_printable(name)] = url
+    if left_out is not None:
+        left_out |= {_printable(name) for name in others} - found.keys()
     return [Item(name, url) for name, url in sorted(found.items())]
 
 
-def _expanded(path: str) -> list[tuple[str, str]]:
+def count_suffixes(names: Iterable[str], *, run: str) -> tuple[tuple[str, int], ...]:
+    """Count files by lower-case suffix, the most frequent first; those of the run itself are not counted."""
+    fs, path = open_run(run)
+    inside = _printable(os.path.realpath(path) if is_local(fs) else fs.unstrip_protocol(path)).rstrip("/") + "/"
+    suffixes = [posixpath.splitext(name)[1].lower() for name in names if not _place(name).startswith(inside)]
+    return tuple(sorted(Counter(suffixes).items(), key=lambda item: (-item[1], item[0])))
+
+
+def _place(name: str) -> str:
+    """Where a file is, whatever links lead there."""
+    local = name.removeprefix("file://")
+    return os.path.realpath(local) if _is_local(local) else name
+
+
+def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
     """Give the name of each mesh a path leads to, and where it is."""
     if _is_local(path):
-        return [(str(Path(n)) if n else n, n) for n in _local(path)]  # "./x" and "x" are one row
+        names, others = _divided(_local(path))
+        left_out |= {str(Path(n)) for n in others}
+        return [(str(Path(n)) if n else n, n) for n in names]  # "./x" and "x" are one row
     fs, inner = _opened(path)
     if path.startswith("file://"):
-        return [(fs.unstrip_protocol(n), n) for n in _local(inner)]
-    names = [path]
+        names, others = _divided(_local(inner))
+        left_out |= {fs.unstrip_protocol(n) for n in others}
+        return [(fs.unstrip_protocol(n), n) for n in names]
     if any(c in inner for c in _MAGIC) and not fs.exists(inner):
-        names = [fs.unstrip_protocol(n) for n in sorted(fs.glob(inner)) if _known(n)]
+        listed = sorted(fs.glob(inner, detail=True).items())
+        names, others = _divided((n, _known(n)) for n, about in listed if _known(n) or about["type"] != "directory")
     elif fs.isdir(inner):
-        names = [fs.unstrip_protocol(n) for n in sorted(fs.find(inner)) if _known(n)]
-    return [(n, n) for n in names]
+        names, others = _divided((n, _known(n)) for n in sorted(fs.find(inner)))
+    else:
+        return [(path, path)]
+    left_out |= {fs.unstrip_protocol(n) for n in others}
+    return [(fs.unstrip_protocol(n), fs.unstrip_protocol(n)) for n in names]
+
+
+def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
+    """Divide files into those to take and the others."""
+    listed = list(files)
+    return [name for name, taken in listed if taken], [name for name, taken in listed if not taken]
 
 
 def _opened(url: str) -> tuple[Any, str]:
@@ -119,40 +156,41 @@ def _opened(url: str) -> tuple[Any, str]:
         raise BadInput(f"'{url}' cannot be opened: {error}") from error
 
 
-def _local(path: str) -> list[str]:
-    """Expand a path of this machine, relative or absolute as it was given."""
+def _local(path: str) -> list[tuple[str, bool]]:
+    """Expand a path of this machine, relative or absolute as it was given, to files and whether to take them."""
     import glob
 
     if any(c in path for c in _MAGIC) and not os.path.exists(path):
-        return [n for m in sorted(glob.glob(path, recursive=True)) for n in _below(m) if os.path.isdir(n) or _known(n)]
+        found = sorted(glob.glob(path, recursive=True))
+        return [file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))])]
     return _below(path)
 
 
-def _below(path: str, above: tuple[str, ...] = ()) -> list[str]:
-    """A file as it is; a folder of cells as one; another folder as the meshes in it.
+def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
+    """A file as it is; a folder of cells as one; another folder as the files in it, and which of them to take.
 
     A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
     """
     if not os.path.isdir(path):
-        return [path]
+        return [(path, True)]
     place = os.path.realpath(path)
     if place in above:
         return []
     try:
         if _is_cells(path):
-            return [path]
+            return [(path, True)]
         entries = sorted(os.scandir(path), key=lambda e: e.name)
     except OSError:
-        return [path]
-    names: list[str] = []
+        return [(path, True)]
+    files: list[tuple[str, bool]] = []
     for entry in entries:
         if entry.name.startswith("."):
             continue
         if os.path.isdir(entry.path):
-            names += _below(entry.path, (*above, place))
-        elif _known(entry.name):
-            names.append(entry.path)
-    return names
+            files += _below(entry.path, (*above, place))
+        else:
+            files.append((entry.path, _known(entry.name)))
+    return files
 
 
 def _known(name: str) -> bool:
@@ -219,8 +257,8 @@ def _read(url: str) -> bytes:
 
 
 @contextmanager
-def local_copy(item: Item) -> Generator[tuple[str, str]]:
-    """Give a local path of a mesh and the hash of its content; remote ones are fetched once."""
+def local_copy(item: Item, folder: str | None = None) -> Generator[tuple[str, str]]:
+    """Give a local path of a mesh and the hash of its content; remote ones are fetched once, to below `folder`."""
     if item.data is None and _is_local(item.url):
         yield item.url, content_hash(item)
         return
@@ -228,8 +266,8 @@ def local_copy(item: Item) -> Generator[tuple[str, str]]:
         data = _read(item.url) if item.data is None else item.data
     except Exception as error:
         raise MeshReadError(f"'{item.name}' cannot be read: {error or type(error).__name__}") from error
-    with TemporaryDirectory(prefix="voxkernel-") as folder:
-        file = Path(folder) / f"mesh{item.suffix}"
+    with TemporaryDirectory(prefix="voxkernel-", dir=folder) as own:
+        file = Path(own) / f"mesh{item.suffix}"
         file.write_bytes(data)
         yield str(file), hashlib.sha256(data).hexdigest()
 

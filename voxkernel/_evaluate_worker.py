@@ -93,7 +93,7 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     begin = perf_counter()
     known_hash, path = "", ""
     try:
-        with _limited(settings), local_copy(item) as (path, known_hash):
+        with _limited(settings), local_copy(item, _worker_folder()) as (path, known_hash):
             picture = f"{(known_hash or 'unreadable')[:24]}-{settings_hash(settings)[:8]}"
             done = analysis(path, settings, name=picture, view=item.view)
     except Exception as error:  # whatever a reader or a bug throws is this mesh's reason
@@ -136,13 +136,25 @@ def _limited(settings: EvaluateSettings) -> Generator[None]:
                 faulthandler.cancel_dump_traceback_later()
 
 
-def _has_nanny() -> bool:
+def _worker() -> Any:
+    """Give the Dask worker this runs in, None elsewhere."""
     from distributed import get_worker
 
     try:
-        return get_worker().nanny is not None
-    except ValueError:  # not in a worker
-        return False
+        return get_worker()
+    except ValueError:
+        return None
+
+
+def _has_nanny() -> bool:
+    worker = _worker()
+    return worker is not None and worker.nanny is not None
+
+
+def _worker_folder() -> str | None:
+    """Give the folder of a worker, where what a killed one leaves is removed."""
+    worker = _worker()
+    return None if worker is None else str(worker.local_directory)
 
 
 def _limit_memory(limit: int | None) -> tuple[int, int] | None:

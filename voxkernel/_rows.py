@@ -14,8 +14,9 @@ from typing import Any
 from voxkernel._input_file import check_stored_file
 
 __all__ = [
-    "COLUMNS", "open_run", "part_names", "read_parts", "read_rows", "read_settings", "remove_parts", "row_key",
-    "schema", "to_table", "write_bytes", "write_csv", "write_part", "write_settings", "write_table_part",
+    "COLUMNS", "csv_line", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows",
+    "read_settings", "remove_parts", "remove_unfinished", "row_key", "schema", "to_table", "write_bytes", "write_csv",
+    "write_part", "write_settings", "write_table_part",
 ]  # fmt: skip
 
 _TEXT = (
@@ -43,6 +44,11 @@ COLUMNS = (
     "thumbnail", "view", "seconds", "seconds_read", "seconds_exact", "seconds_relaxed", "seconds_pictures",
     "finished", "content_hash", "settings_hash", "settings", "versions",
 )  # fmt: skip
+
+
+_UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.tmp")
+# What makes a spreadsheet take a cell for a formula, also behind apostrophes, so that each text has its own cell.
+_FORMULA = re.compile("'*[=+\\-@\t\r\n\0＝＋－＠]")
 
 
 def schema() -> Any:
@@ -90,10 +96,10 @@ def row_key(row: Mapping[str, Any]) -> tuple[str, int]:
 def write_bytes(fs: Any, path: str, data: bytes) -> None:
     """Write a file that is there completely or not at all."""
     fs.makedirs(posixpath.dirname(path), exist_ok=True)
-    if not _is_local(fs):
+    if not is_local(fs):
         fs.pipe_file(path, data)  # one put: the object appears when it is complete
         return
-    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")
+    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")  # as _UNFINISHED says
     try:
         with open(hidden, "wb") as stream:
             stream.write(data)
@@ -203,6 +209,15 @@ def remove_parts(fs: Any, names: Iterable[str]) -> None:
         fs.rm_file(name)
 
 
+def remove_unfinished(run_path: str) -> None:
+    """Delete what `write_bytes` left in a local run when its process was killed; only for who holds the run's lock."""
+    for folder in ("", "rows", "thumbnails", "views"):
+        place = os.path.join(run_path, folder)
+        for name in os.listdir(place) if os.path.isdir(place) else ():
+            if _UNFINISHED.fullmatch(name):
+                os.unlink(os.path.join(place, name))
+
+
 def write_settings(fs: Any, run_path: str, settings: Mapping[str, Any]) -> None:
     """Write `settings.json` of a run."""
     text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
@@ -226,20 +241,38 @@ def read_settings(run: str) -> dict[str, Any]:
 
 
 def write_csv(fs: Any, run_path: str, table: Any) -> str:
-    """Write the table as `rows.csv`; lists become JSON text."""
-    import csv
-    import io
-
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.column_names)
-    for row in table.to_pylist():
-        writer.writerow([json.dumps(v) if isinstance(v, list) else v for v in row.values()])
+    """Write the table as `rows.csv`; lists become JSON text, and texts are `defused`."""
+    lines = [csv_line(table.column_names), *(csv_line(list(row.values())) for row in table.to_pylist())]
     path = posixpath.join(run_path, "rows.csv")
-    write_bytes(fs, path, text.getvalue().encode("utf-8", "surrogateescape"))
+    write_bytes(fs, path, "".join(lines).encode("utf-8", "surrogateescape"))
     return path
 
 
-def _is_local(fs: Any) -> bool:
+def defused(text: str) -> str:
+    """Put an apostrophe before a text that a spreadsheet would run as a formula.
+
+    A text that begins with apostrophes and then such a character gets one more, so that taking one away from what
+    looks like this always gives the text back.
+    """
+    return "'" + text if _FORMULA.match(text) else text
+
+
+def csv_line(values: Sequence[Any]) -> str:
+    """Write one line of a CSV file: texts `defused`, lists as JSON.
+
+    A carriage return within a text is quoted, as only a writer that ends lines with one does; unquoted it would begin
+    a line of its own, with a cell that may be a formula.
+    """
+    import csv
+    import io
+
+    cells = [defused(v) if isinstance(v, str) else json.dumps(v) if isinstance(v, list) else v for v in values]
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\r\n").writerow(cells)
+    return text.getvalue().removesuffix("\r\n") + "\n"
+
+
+def is_local(fs: Any) -> bool:
+    """Whether a file system is that of this machine."""
     protocol = fs.protocol
     return "file" in ((protocol,) if isinstance(protocol, str) else protocol)

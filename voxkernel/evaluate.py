@@ -13,7 +13,16 @@ from voxkernel import _rows
 from voxkernel._evaluate_analysis import analyse
 from voxkernel._evaluate_cluster import connected
 from voxkernel._evaluate_dispatch import Dispatcher
-from voxkernel._evaluate_inputs import BadInput, Item, content_hash, find_items, labelled, read_labels
+from voxkernel._evaluate_inputs import (
+    BadInput,
+    Item,
+    content_hash,
+    count_suffixes,
+    find_items,
+    labelled,
+    read_labels,
+)
+from voxkernel._evaluate_lock import locked_run
 from voxkernel._evaluate_progress import EvaluationProgress, Speed
 from voxkernel._evaluate_settings import PROFILE_TOLERANCES, EvaluateSettings, settings_hash, versions_text
 from voxkernel._evaluate_store import RunStore
@@ -39,6 +48,10 @@ class EvaluationResult:
         rows are from an earlier run.
     unmatched_labels : tuple of str
         Entries of the label table that no mesh matched.
+    left_out : tuple of (str, int)
+        Files in the folders and globs given that were left out for their suffix: each suffix (lower case, with the
+        dot; "" for none) and how many have it, the most frequent first. Hidden files and the run itself are not
+        counted.
     """
 
     run: str
@@ -47,6 +60,7 @@ class EvaluationResult:
     n_failed: int
     n_reused: int
     unmatched_labels: tuple[str, ...]
+    left_out: tuple[tuple[str, int], ...] = ()
 
     def __repr__(self) -> str:
         """Name the run and the counts."""
@@ -95,6 +109,8 @@ def evaluate(
     ------
     ValueError
         If there are no meshes, or labels or scheduler cannot be used.
+    BlockingIOError
+        If another process, or another call in this one, is writing to the run.
     OSError
         If the run or the labels cannot be read or written.
     SolverError
@@ -108,8 +124,11 @@ def evaluate(
 
     Rows are on disk about a second after they were computed, in Parquet parts that appear whole or not at all. A row
     is computed again when the SHA-256 of its file, the settings that decide what is in it, or the version of this
-    library is another; failed ones only with `retry_failed`. Rows of files that are not given this time stay. One
-    process writes to a run at a time.
+    library is another; failed ones only with `retry_failed`. Rows of files that are not given this time stay.
+
+    One process writes to a run at a time: a lock on the folder sees to it, which the system frees when the process
+    ends, however it ends. Object stores have no such lock. The worker processes of this machine talk over TLS with
+    a key of their own; a scheduler elsewhere can run code here and so has to be trusted.
 
     A script that calls this without `settings.scheduler` must do so under ``if __name__ == "__main__":``, because
     the worker processes import it.
@@ -139,26 +158,34 @@ def run_evaluation(
     analysis: Analyse,
 ) -> EvaluationResult:
     """Evaluate with any `analysis(path, settings, *, name, view)`; it is pickled and runs in the workers."""
-    items, unmatched = labelled(find_items(paths), read_labels(labels), settings.views)
+    others: set[str] = set()
+    items, unmatched = labelled(find_items(paths, others), read_labels(labels), settings.views)
     if not items:
         raise BadInput(f"`paths` must lead to at least one mesh; got {', '.join(map(str, paths)) or 'none'}")
-    store = RunStore(run)
-    fresh, reused = _divided(items, _known(store.compact()), settings)
-    n_failed = sum(rows[0]["status"] == "failed" for rows in reused.values())
-    store.add_rows(_relabelled(items, reused))
-    _rows.write_settings(store.fs, store.path, _described(settings, paths, len(items)))
-    counts = _Counts(len(items), len(reused), n_failed, progress, store)
-    counts.show()
-    if fresh:
-        _compute(fresh, settings, analysis, store, counts)
-    table = store.compact()
-    counts.show()
-    if settings.csv:
-        _rows.write_csv(store.fs, store.path, table)
+    left_out = count_suffixes(others, run=run)
+    fs, run_path = _rows.open_run(run)
+    with locked_run(fs, run_path) as is_locked:
+        if is_locked:
+            _rows.remove_unfinished(run_path)
+        store = RunStore(run)
+        fresh, reused = _divided(items, _known(store.compact()), settings)
+        n_failed = sum(rows[0]["status"] == "failed" for rows in reused.values())
+        store.add_rows(_relabelled(items, reused))
+        _rows.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
+        counts = _Counts(len(items), len(reused), n_failed, progress, store)
+        counts.show()
+        if fresh:
+            _compute(fresh, settings, analysis, store, counts)
+        table = store.compact()
+        counts.show()
+        if settings.csv:
+            _rows.write_csv(store.fs, store.path, table)
     names = {item.name for item in items}
     n_rows = sum(file in names for file in table.column("file").to_pylist())
     n_failed = counts.n_failed
-    return EvaluationResult(run, n_rows, len(items) - n_failed, n_failed, len(reused), tuple(unmatched))
+    return EvaluationResult(
+        run, n_rows, len(items) - n_failed, n_failed, len(reused), tuple(unmatched), left_out
+    )  # fmt: skip
 
 
 class _Counts:
@@ -244,7 +271,9 @@ def _relabelled(items: Sequence[Item], reused: Mapping[str, list[dict[str, Any]]
     ]
 
 
-def _described(settings: EvaluateSettings, paths: Sequence[Any], n_meshes: int) -> dict[str, Any]:
+def _described(
+    settings: EvaluateSettings, paths: Sequence[Any], n_meshes: int, left_out: Sequence[tuple[str, int]]
+) -> dict[str, Any]:
     import json
 
     return {
@@ -256,6 +285,7 @@ def _described(settings: EvaluateSettings, paths: Sequence[Any], n_meshes: int) 
         "workers": settings.workers,
         "paths": [os.fspath(p).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace") for p in paths],
         "n_meshes": n_meshes,
+        "left_out": dict(left_out),
         "versions": json.loads(versions_text()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import Any
 
 from voxkernel.cli.output import UsageError, display, note_first_compilation, say
@@ -21,6 +22,8 @@ EXAMPLES = (
     "voxkernel evaluate s3://bucket/meshes -o s3://bucket/run --scheduler tcp://10.0.0.1:8786",
     "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
 )
+
+_SUFFIXES = 8  # named in the summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     pictures.add_argument("--csv", action="store_true", help="write RUN/rows.csv as well")
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
-    engine.add_argument("--scheduler", metavar="URL", help="a Dask scheduler to use instead, tcp://host:8786")
+    engine.add_argument("--scheduler", metavar="URL", help="a Dask scheduler to use and trust instead, tls://host:8786")
     engine.add_argument(
         "--timeout", type=float, default=300.0, metavar="S", help="seconds per mesh, 0 for none; 300 by default"
     )
@@ -69,8 +72,19 @@ def run(args: argparse.Namespace) -> int:
     if len(result.unmatched_labels) > 10:
         say(f"no mesh for {len(result.unmatched_labels) - 10} more labels", quiet=args.quiet)
     before = f", {result.n_reused} from an earlier run" if result.n_reused else ""
-    print(f"{display(args.output)}: {result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}")
+    counts = f"{result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}"
+    print(f"{display(args.output)}: {counts}{_left_out(result.left_out)}")
     return 1 if result.n_failed else 0
+
+
+def _left_out(counts: Sequence[tuple[str, int]]) -> str:
+    """Say how many files were no meshes by their suffix."""
+    if not counts:
+        return ""
+    shown = [f"{n} {display(suffix) or 'without suffix'}" for suffix, n in counts[:_SUFFIXES]]
+    rest = sum(n for _, n in counts[_SUFFIXES:])
+    total = sum(n for _, n in counts)
+    return f"; {total} files left out by suffix: {', '.join([*shown, *([f'{rest} others'] if rest else [])])}"
 
 
 def _settings(args: argparse.Namespace) -> Any:

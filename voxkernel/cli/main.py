@@ -9,9 +9,12 @@ from __future__ import annotations
 import argparse
 import logging
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from typing import NoReturn
 
@@ -44,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 ok, 1 some items failed, 2 bad usage, 130 interrupted.
+        0 ok, 1 some items failed, 2 bad usage, 130 interrupted (Ctrl-C, SIGTERM).
 
     Examples
     --------
@@ -52,6 +55,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     no-such-mesh.ply  failed...
     1
     """
+    try:
+        with _termination_as_interrupt():
+            return _run(argv)
+    except KeyboardInterrupt:
+        report_error("interrupted")
+        return _INTERRUPTED
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """Parse the arguments and run the command they name."""
     _accept_any_text()
     args = _parser().parse_args(argv)
     if args.verbose:
@@ -66,9 +79,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader has gone (`| head`): nothing is left to say, not even at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _FAILED
-    except KeyboardInterrupt:
-        report_error("interrupted")
-        return _INTERRUPTED
     except UsageError as error:
         report_error(f"{error} (see `voxkernel {args.command} --help`)")
         return _BAD_USAGE
@@ -77,6 +87,20 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         report_error(str(error) or type(error).__name__)
         return _FAILED
+
+
+@contextmanager
+def _termination_as_interrupt() -> Generator[None]:
+    """Let SIGTERM, which job schedulers and `timeout` send, end a command in order, as Ctrl-C does."""
+    in_main = threading.current_thread() is threading.main_thread()  # others cannot set handlers
+    is_ours = in_main and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if is_ours:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _parser() -> argparse.ArgumentParser:

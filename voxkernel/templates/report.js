@@ -139,7 +139,7 @@ for (const tile of document.querySelectorAll(".tile")) tile.addEventListener("cl
 });
 byId("csv").addEventListener("click", () => {
   // A cell that a spreadsheet would run as a formula gets an apostrophe in front.
-  const quote = (s) => { const t = /^[=+\-@\t\r]/.test(s) && Number.isNaN(Number(s)) ? "'" + s : s; return /[",\n\r]/.test(t) ? '"' + t.replaceAll('"', '""') + '"' : t; };
+  const quote = (s) => { const t = /^'*[=+\-@\t\r\n\0＝＋－＠]/.test(s) && Number.isNaN(Number(s)) ? "'" + s : s; return /[",\n\r]/.test(t) ? '"' + t.replaceAll('"', '""') + '"' : t; };
   const raw = (c, i) => { const v = value(c, i); return v === null || v === undefined ? "" : quote(String(v)); };
   const lines = [data.columns.map((c) => c.key).join(","), ...order.map((i) => data.columns.map((c) => raw(c, i)).join(","))];
   const link = element("a"); link.href = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], { type: "text/csv" }));

@@ -3,77 +3,32 @@
 Instead of meshes that trip a reader, `naughty` reads the name of a file and does what it says.
 """
 
-import ctypes
 import multiprocessing
 import os
 import random
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
+from faulty_runs import (
+    COMMAND,
+    SCRIPT,
+    client,
+    comparable,
+    evaluated,
+    failures,
+    files,
+    is_alive,
+    stored,
+    wait_for_rows,
+)
 
-import voxkernel
 from voxkernel import _rows
-from voxkernel._evaluate_analysis import Analysis
 from voxkernel.evaluate import EvaluateSettings, evaluate, run_evaluation
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
-
-HERE = Path(__file__).resolve().parent
-
-
-def naughty(path, settings, *, name, view=False):
-    """Stand in for `analyse`, in a worker."""
-    word = Path(path).stem.partition("-")[2]
-    if word == "segfault":
-        ctypes.string_at(0)
-    elif word == "hang":  # holds the interpreter's lock
-        ctypes.PyDLL(None).sleep(1000)
-    elif word == "pause":
-        time.sleep(1000)
-    elif word == "memory":
-        np.ones(10**10)
-    elif word == "raises":
-        raise RuntimeError("oh\nno")
-    elif word == "exit":
-        os._exit(7)
-    elif word == "once" and not Path(path + ".mark").exists():
-        Path(path + ".mark").touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    elif word == "grows":  # past the limit at which allocations fail, to the nanny's
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_DATA, (resource.RLIM_INFINITY,) * 2)
-        kept = []
-        for _ in range(60):
-            kept.append(np.ones(5 * 10**6))
-            time.sleep(0.05)
-    elif word == "slow":
-        time.sleep(0.05)
-    return Analysis(({"verdict": "star-shaped", "ratio": float(Path(path).stem.partition("-")[0])},))
-
-
-def files(folder, n, *words, every="good"):
-    folder.mkdir()
-    for k in range(n):
-        (folder / f"{k:03}-{every}.ply").write_text(f"{k}")
-    for k, word in enumerate(words):
-        (folder / f"{n // 2:03}.{k}-{word}.ply").write_text(word)
-    return folder
-
-
-def evaluated(folder, run, progress=None, **options):
-    settings = EvaluateSettings(**{"workers": 2, **options})
-    return run_evaluation([folder], str(run), settings, None, progress, naughty)
-
-
-def failures(result):
-    rows = result.table().to_pylist()
-    return {Path(r["file"]).stem.partition("-")[2]: r["reason"] for r in rows if r["status"] == "failed"}
 
 
 def test_each_costs_its_own_row_only(tmp_path):
@@ -179,47 +134,6 @@ def test_ten_thousand_meshes_with_one_per_cent_broken(tmp_path, rng):
 
 # ---------------------------------------------------------------- the client ends
 
-SCRIPT = """
-import sys
-from pathlib import Path
-from test_evaluate_crash import evaluated
-if __name__ == "__main__":
-    result = evaluated(Path(sys.argv[1]), sys.argv[2], timeout=20.0)
-    print(result.n_ok, result.n_failed, result.n_reused)
-"""
-
-
-def client(script, *words, **options):
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(voxkernel.__file__).parents[1]), str(HERE)])}
-    command = [sys.executable, str(script), *map(str, words)]
-    return subprocess.Popen(
-        command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
-    )
-
-
-def stored(run):
-    return {row["file"]: row for row in _rows.read_rows(str(run)).to_pylist()} if Path(run, "rows").exists() else {}
-
-
-def wait_for_rows(run, n, process, seconds=60.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and process.poll() is None:
-        if len(stored(run)) >= n:
-            return
-        time.sleep(0.02)
-
-
-def comparable(rows):
-    return {f: {k: v for k, v in r.items() if k not in ("finished", "seconds")} for f, r in rows.items()}
-
-
-def is_alive(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
 def test_client_killed_at_random_times(tmp_path):
     import psutil
 
@@ -258,19 +172,6 @@ def test_client_killed_at_random_times(tmp_path):
     assert not any(map(is_alive, children)), "worker processes outlived their client"
 
 
-COMMAND = """
-import sys
-import voxkernel.evaluate
-from voxkernel.cli import main as cli
-import test_evaluate_crash
-if __name__ == "__main__":
-    if "evaluate" not in cli.COMMANDS:
-        cli.COMMANDS = (*cli.COMMANDS, "evaluate")
-    sys.modules["voxkernel.evaluate"].analyse = test_evaluate_crash.naughty
-    sys.exit(cli.main(sys.argv[1:]))
-"""
-
-
 def test_ctrl_c(tmp_path):
     folder, run = files(tmp_path / "in", 400, every="slow"), tmp_path / "run"
     script = tmp_path / "script.py"
@@ -279,7 +180,7 @@ def test_ctrl_c(tmp_path):
     wait_for_rows(run, 5, process)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all of the group
     begin = time.monotonic()
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 130
     assert time.monotonic() - begin < 15
     assert out == ""
@@ -294,7 +195,7 @@ def test_script_without_guard_is_told(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.replace('__name__ == "__main__"', "True"))
     process = client(script, files(tmp_path / "in", 3), tmp_path / "run")
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 1
     assert err.splitlines()[-1].startswith("voxkernel.errors.SolverError: worker processes did not start")
     assert """under `if __name__ == "__main__":`""" in err.splitlines()[-1]
