@@ -135,7 +135,7 @@ class Shared:
     """Numbers that outlive a child: the input it is at, and what it counted."""
 
     def __init__(self):
-        self._map = mmap.mmap(-1, 32)
+        self._map = mmap.mmap(-1, 40)
 
     def __getitem__(self, k):
         return struct.unpack_from("<q", self._map, 8 * k)[0]
@@ -144,12 +144,13 @@ class Shared:
         struct.pack_into("<q", self._map, 8 * k, value)
 
 
-AT, ACCEPTED, REFUSED, SAID_SAME = range(4)
+AT, ACCEPTED, REFUSED, SAID_SAME, DONE = range(5)
 
 
 def run_batch(name, seed, numbers, shared, work, files=None):
     """In a child that ends here: read the inputs, one after the other, within the limits."""
     form = FORMATS[name]
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     path = work / f"input{form.suffix}"
     printed = os.open(work / "printed", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     failures = (work / "failures").open("a")
@@ -184,6 +185,7 @@ def run_batch(name, seed, numbers, shared, work, files=None):
             else:
                 failures.write(json.dumps([number, kind, details]) + "\n")
                 failures.flush()
+    shared[DONE] = 1
     os._exit(0)
 
 
@@ -215,7 +217,7 @@ def in_child(name, seed, numbers, work, files=None):
         (work / "trouble").unlink()
         raise RuntimeError(f"the suite itself fails at {name} {shared[AT]} or right behind: {text}")
     died = None
-    if status != 0:
+    if not shared[DONE]:
         died = shared[AT]
         end = signal.Signals(os.WTERMSIG(status)).name if os.WIFSIGNALED(status) else f"exit {os.WEXITSTATUS(status)}"
         kind = {"SIGPROF": "time", "SIGKILL": "hang"}.get(end, "death")
@@ -380,8 +382,13 @@ def main(words=None):
         return 0
     failed = False
     for name in names:
-        warm_up(name)
-        state = run_format(name, args.seed, args.count, out)
+        try:
+            warm_up(name)
+            state = run_format(name, args.seed, args.count, out)
+        except Exception as error:  # the other formats are still worth their run
+            failed = True
+            print(f"{name:15} cannot be run: {_where(error)}", flush=True)
+            continue
         failed |= state["failed"] > 0
         print(summary(state), flush=True)
         if not args.quiet:

@@ -18,7 +18,8 @@ def _one(lines, name):
 def ply(data, meaning):
     vertices, _, _, n_facets = meaning
     head = data[: data.find(b"end_header")].decode("ascii", "replace")
-    lines = [words for words in (line.split() for line in head.splitlines()) if words]
+    ends = re.split(r"\r\n|\r|\n" if "\n" not in head else r"\r?\n", head)  # a single \r ends lines in old files only
+    lines = [words for words in (line.split() for line in ends) if words]
     unknown = [words[0] for words in lines if words[0] not in PLY_HEADER]
     assert not unknown, f"unknown header words {unknown[:3]} were passed over"
     assert sum(words[0] == "format" for words in lines) == 1, "not one format line"
