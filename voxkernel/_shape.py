@@ -9,6 +9,7 @@ from math import isqrt, lcm
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import deepest_point
 from voxkernel._exact_program import deepest_rational_point
 from voxkernel._flat import RationalPoint, rational_kernel, rational_moments, rough_corners
 from voxkernel._solid import (
@@ -124,8 +125,6 @@ def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
 
 def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tuple[NDArray[np.float64], float]:
     """Centre and radius of a largest ball between the faces."""
-    from voxkernel._loops.linear_program import deepest_point
-
     normals = planes.local_normals[solid.rows]
     # Relative to the centre and to the size, so that a small kernel is solved as well as a large one.
     offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / solid.extent

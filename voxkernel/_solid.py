@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import consistent_turns, dual_faces, moments, planes_reaching, solid_angle
+from voxkernel._core import (
+    N_BINS,
+    consistent_turns,
+    dual_faces,
+    moments,
+    planes_reaching,
+    solid_angle,
+    tightest_by_direction,
+)
 from voxkernel.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
 
@@ -180,8 +188,6 @@ def relevant_rows(planes: HalfSpaces, point: NDArray[np.float64], working_set: N
     The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane that
     none of its corners reaches cannot matter. The caller checks what is made of them against all planes.
     """
-    from voxkernel._loops.linear_program import N_BINS, tightest_by_direction
-
     n = len(planes)
     if n <= _CULL_ABOVE:
         return np.arange(n)
