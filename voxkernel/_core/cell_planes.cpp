@@ -6,6 +6,8 @@
 namespace voxkernel {
 namespace {
 
+// Beyond so many corners `from_polygons` does not look at all pairs, and a loop over them takes too long.
+constexpr Index kMany = 256;
 // Relative; polygons so near a threshold of `from_polygons` are left to it.
 constexpr double kGuard = 1e-3;
 
@@ -168,6 +170,7 @@ bool PolygonPlanes::add(Points points, Indices ring, double rtol, Index& apex, S
     push(ring[0], ring[1], ring[2], 0.0);
     return true;
   }
+  if (size > kMany) return false;
   if (static_cast<Index>(x_.size()) < 2 * size) {
     for (auto* values : {&x_, &y_, &z_}) values->resize(2 * size);
   }
