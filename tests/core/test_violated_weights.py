@@ -53,7 +53,7 @@ def test_sums_are_exact(make, rng):
     planes, v = weigh(HalfSpaces.from_mesh(mesh)), mesh.vertices
     middles = v[mesh.faces].mean(axis=1)
     near = np.concatenate([v, middles, np.nextafter(middles, 9.0), rng.normal(size=(60, 3))])
-    near = near[:: 1 + len(near) // 60]
+    near = np.ascontiguousarray(near[:: 1 + len(near) // 60])
     pairs, order, sums = run(planes, near)
     assert len(pairs) == 0
     assert sorted(order) == list(range(len(near)))
