@@ -13,7 +13,6 @@ import voxkernel
 from voxkernel._loops.convexity import edge_convexity, halfedge_twins, orientation
 from voxkernel._loops.coplanar import orient3d_exact
 from voxkernel._loops.linear_program import N_BINS, deepest_point, plane_signs, tightest_by_direction
-from voxkernel._loops.octree import exact_cells
 from voxkernel._loops.planes import boundary_is_zero, coordinate_range, facet_planes
 from voxkernel._loops.polyhedron import moments, neighbours, planes_reaching, solid_angle
 from voxkernel.halfspaces import HalfSpaces
@@ -194,47 +193,3 @@ def test_solid_angle_of_closed_and_open_surfaces():
     assert solid_angle(vertices + 50, faces.ravel()) == pytest.approx(0, abs=1e-9)
     octant = np.eye(3)
     assert solid_angle(octant, np.array([0, 1, 2])) == pytest.approx(np.pi / 2)
-
-
-@given(
-    st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3), st.integers(1, 9)), max_size=5),
-    st.integers(3, 4),
-)
-def test_octree_voxels_against_integers(rows, depth):
-    """Planes a . u <= d / 8 over the unit cube: every voxel inside, outside or undecided as its corners say."""
-    rows = [r for r in rows if any(r[:3])]
-    n = len(rows)
-    normals, offsets = np.array([r[:3] for r in rows], float).reshape(n, 3), np.array([r[3] / 8 for r in rows])
-    lengths = np.linalg.norm(normals, axis=1)
-    normals, offsets = normals / lengths[:, None], offsets / lengths
-    arrays = exact_cells(normals, offsets, np.abs(normals).sum(1), np.full(n, 1e-14), depth, False)
-    tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary, n_inside, n_boundary = arrays
-    size = 2**depth
-    verdict = np.full((size,) * 3, -1)
-    for (x, y, z), log2 in zip(tile_ijk, tile_log2, strict=True):
-        e = 2 ** int(log2)
-        verdict[x : x + e, y : y + e, z : z + e] = 1
-    for (x, y, z), ins, bou in zip(leaf_ijk, leaf_inside, leaf_boundary, strict=True):
-        for masks, value in ((ins, 1), (bou, 0)):
-            bits = np.unpackbits(np.ascontiguousarray(masks).view(np.uint8), bitorder="little").reshape(8, 8, 8)
-            verdict[x : x + 8, y : y + 8, z : z + 8][bits == 1] = value
-    assert (verdict == 1).sum() == n_inside
-    assert (verdict == 0).sum() == n_boundary
-    grid = np.stack(np.meshgrid(*[np.arange(size + 1)] * 3, indexing="ij"), -1)
-    inside = np.ones((size,) * 3, bool)
-    outside = np.zeros((size,) * 3, bool)
-    for a, b, c, d in rows:
-        side = 8 * (grid @ np.array([a, b, c])) - d * size  # sign of a . u - d / 8 at every corner, in integers
-        corners = np.stack([side[i : i + size, j : j + size, k : k + size] for i, j, k in np.ndindex(2, 2, 2)])
-        inside &= corners.max(0) <= 0
-        outside |= corners.min(0) > 0
-    assert inside[verdict == 1].all()
-    touching = np.zeros((size,) * 3, bool)  # a corner exactly on a plane may stay undecided
-    for a, b, c, d in rows:
-        side = 8 * (grid @ np.array([a, b, c])) - d * size
-        corners = np.stack([side[i : i + size, j : j + size, k : k + size] for i, j, k in np.ndindex(2, 2, 2)])
-        touching |= (corners == 0).any(0)
-    assert not (inside & (verdict == -1)).any()
-    assert (verdict[inside & ~touching] == 1).all()
-    assert (verdict[outside] < 1).all()
-    assert (verdict[outside & ~touching] == -1).all()

@@ -1,0 +1,262 @@
+"""The octrees, the centre search and the field next to integers: planes a . u <= d / 8 over the unit cube."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from voxkernel._core import exact_cells, least_violated, relaxed_cells, violation_cells
+
+plane_rows = st.lists(
+    st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3), st.integers(1, 9)).filter(
+        lambda row: any(row[:3])
+    ),
+    max_size=5,
+)
+UNITS = 1 << 60
+
+
+def unit_planes(rows):
+    """Normals of length 1 and offsets of integer rows (a, b, c, d)."""
+    normals, offsets = np.array([r[:3] for r in rows], float).reshape(-1, 3), np.array([r[3] / 8 for r in rows])
+    lengths = np.linalg.norm(normals, axis=1)
+    return normals / lengths[:, None], offsets / lengths
+
+
+def reach_of(normals):
+    return np.abs(normals).sum(axis=1)
+
+
+def corner_signs(rows, depth):
+    """Smallest and largest value of 8 (a . u) - d at the corners of every voxel, times its count: integers."""
+    size = 2**depth
+    grid = np.stack(np.meshgrid(*[np.arange(size + 1)] * 3, indexing="ij"), -1)
+    for a, b, c, d in rows:
+        side = 8 * (grid @ np.array([a, b, c])) - d * size
+        corners = np.stack([side[i : i + size, j : j + size, k : k + size] for i, j, k in np.ndindex(2, 2, 2)])
+        yield corners.min(0), corners.max(0), (corners == 0).any(0)
+
+
+def verdicts(depth, tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary):
+    """1 inside, 0 undecided, -1 outside for every voxel; each is told at most once."""
+    size = 2**depth
+    verdict = np.full((size,) * 3, -1)
+    for (x, y, z), log2 in zip(tile_ijk, tile_log2, strict=True):
+        e = 2 ** int(log2)
+        assert (verdict[x : x + e, y : y + e, z : z + e] == -1).all()
+        verdict[x : x + e, y : y + e, z : z + e] = 1
+    for (x, y, z), ins, bou in zip(leaf_ijk, leaf_inside, leaf_boundary, strict=True):
+        for masks, value in ((ins, 1), (bou, 0)):
+            bits = np.unpackbits(np.ascontiguousarray(masks).view(np.uint8), bitorder="little").reshape(8, 8, 8)
+            verdict[x : x + 8, y : y + 8, z : z + 8][bits == 1] = value
+    return verdict
+
+
+@given(plane_rows, st.integers(3, 4))
+def test_exact_cells(rows, depth):
+    """Every voxel is inside, outside or undecided as its corners say."""
+    normals, offsets = unit_planes(rows)
+    *arrays, n_inside, n_boundary = exact_cells(
+        normals, offsets, reach_of(normals), np.full(len(rows), 1e-14), depth, False
+    )
+    verdict = verdicts(depth, *arrays)
+    assert (verdict == 1).sum() == n_inside
+    assert (verdict == 0).sum() == n_boundary
+    inside = np.ones(verdict.shape, bool)
+    outside, touching = ~inside, ~inside  # a corner exactly on a plane may stay undecided
+    for low, high, touch in corner_signs(rows, depth):
+        inside, outside, touching = inside & (high <= 0), outside | (low > 0), touching | touch
+    assert inside[verdict == 1].all()
+    assert not (inside & (verdict == -1)).any()
+    assert (verdict[inside & ~touching] == 1).all()
+    assert (verdict[outside] < 1).all()
+    assert (verdict[outside & ~touching] == -1).all()
+
+
+def run_relaxed(rows, weights, n_domain, depth, ins, outs, *, start=None, stop=99, count_only=False):
+    normals, offsets = unit_planes(rows)
+    numbers = np.column_stack([normals, reach_of(normals) * (1 + 1e-13), 0.5 * normals.sum(axis=1) - offsets])
+    return relaxed_cells(
+        numbers, weights, n_domain, 0, ins, outs, np.array([0, len(ins)]), depth, -1, np.zeros(3, np.int64), stop,
+        count_only,
+    )  # fmt: skip
+
+
+@given(plane_rows, plane_rows, st.lists(st.integers(1, 9), min_size=10, max_size=10), st.integers(3, 4), st.data())
+def test_relaxed_cells(domain, rows, weights, depth, data):
+    """What a voxel violates for certain and at most is what the integers say, at every threshold."""
+    weights = np.array([1] * len(domain) + weights[: len(rows)], np.int64)
+    bounds = np.array(sorted(data.draw(st.lists(st.integers(0, 40), min_size=1, max_size=3))), np.int64)
+    found = run_relaxed([*domain, *rows], weights, len(domain), depth, bounds, bounds)
+    tile_ijk, tile_log2, tile_of, leaf_ijk, leaf_of, leaf_inside, leaf_boundary, n_inside, n_boundary = found[:9]
+    shape = (2**depth,) * 3
+    certain, possible = np.zeros(shape, int), np.zeros(shape, int)
+    beyond, within, touching = np.zeros(shape, bool), np.ones(shape, bool), np.zeros(shape, bool)
+    for i, (low, high, touch) in enumerate(corner_signs([*domain, *rows], depth)):
+        touching |= touch
+        if i < len(domain):
+            beyond, within = beyond | (low > 0), within & (high <= 0)
+        else:
+            certain += np.where(low > 0, weights[i], 0)
+            possible += np.where(high > 0, weights[i], 0)
+    for k, most in enumerate(bounds):
+        t, f = tile_of == k, leaf_of == k
+        verdict = verdicts(depth, tile_ijk[t], tile_log2[t], leaf_ijk[f], leaf_inside[f], leaf_boundary[f])
+        assert (verdict == 1).sum() == n_inside[k]
+        assert (verdict == 0).sum() == n_boundary[k]
+        inside, outside = within & (possible <= most), beyond | (certain > most)
+        assert inside[verdict == 1].all()
+        assert outside[(verdict == -1) & ~touching].all()
+        assert (verdict[inside & ~touching] == 1).all()
+        assert (verdict[outside & ~touching] == -1).all()
+        assert (verdict[outside] < 1).all()
+    counted = run_relaxed([*domain, *rows], weights, len(domain), depth, bounds, bounds, count_only=True)
+    assert (counted[7] == n_inside).all()
+    assert (counted[8] == n_boundary).all()
+
+
+def many_planes(n, seed=5):
+    """Integer planes about the middle of the cube, more than a list is looked at in one piece."""
+    rng = np.random.default_rng(seed)
+    rows = [r for r in rng.integers(-9, 10, (n, 3)).tolist() if any(r)]
+    return [(a, b, c, 4 * (a + b + c) + int(e)) for (a, b, c), e in zip(rows, rng.integers(0, 30, n), strict=False)]
+
+
+def test_cells_that_are_continued_are_those_of_one_run():
+    rows = many_planes(1500)
+    weights = np.ones(len(rows), np.int64)
+    bounds = np.array([150, 400], np.int64)
+    whole = run_relaxed(rows, weights, 0, 5, bounds, bounds)
+    top = run_relaxed(rows, weights, 0, 5, bounds, bounds, stop=1)
+    *_, pending, listed, listed_weights = top
+    assert len(pending) > 1
+    counts = [top[7:9]]
+    for row in pending:
+        first, middle, end, certain = row[3:7].tolist()
+        args = listed[first:end], listed_weights[first:end], middle - first, certain, bounds, bounds, row[7:], 5, 1
+        counts.append(relaxed_cells(*args, row[:3], 99, False)[7:9])
+    assert (np.sum(counts, axis=0) == whole[7:9]).all()
+
+
+def dense_violation(rows, weights, depth):
+    """Integer weights violated at voxel centres."""
+    size = 2**depth
+    grid = np.stack(np.meshgrid(*[2 * np.arange(size) + 1] * 3, indexing="ij"), -1)
+    return sum(w * (4 * (grid @ np.array(r[:3])) - r[3] * size > 0) for r, w in zip(rows, weights, strict=True))
+
+
+@pytest.mark.parametrize("most", [0, 100, 300, 2000])
+def test_violation_cells(most):
+    """Values at voxel centres are those of a sweep; planes at odd sixteenths of a voxel meet no centre."""
+    depth = 4
+    rows = [(a, b, c, d + 1.0 / 3.0) for a, b, c, d in many_planes(900)]
+    weights = np.random.default_rng(1).integers(1, 5, len(rows))
+    normals, offsets = unit_planes(rows)
+    expected = dense_violation(rows, weights, depth)
+    tile_ijk, tile_log2, tile_values, leaf_ijk, leaf_mask, leaf_values = violation_cells(
+        normals, offsets, reach_of(normals) * (1 + 1e-13), weights, 0, most, 1.0, depth
+    )
+    active = np.zeros(expected.shape, bool)
+    for (x, y, z), log2, value in zip(tile_ijk, tile_log2, tile_values, strict=True):
+        cube = tuple(slice(v, v + 2 ** int(log2)) for v in (x, y, z))
+        active[cube] = True
+        assert (expected[cube] == value).all()
+    for (x, y, z), mask, values in zip(leaf_ijk, leaf_mask, leaf_values, strict=True):
+        cube = tuple(slice(v, v + 8) for v in (x, y, z))
+        assert (expected[cube] == values.reshape(8, 8, 8)).all()
+        active[cube] = np.unpackbits(mask.view(np.uint8), bitorder="little").reshape(8, 8, 8)
+    assert (active == (expected <= most)).all()
+
+
+@pytest.mark.parametrize("n", [3, 40, 1200])
+def test_least_violated(n):
+    """No sample of the cube violates less than the lower bound; the centre violates what is said."""
+    rows = [(a, b, c, d - 25) for a, b, c, d in many_planes(n)]
+    normals, offsets = unit_planes(rows)
+    weights = np.full(len(rows), UNITS // len(rows))
+    center, cell = np.full(3, np.nan), np.full(4, np.nan)
+    pads = np.full(len(rows), 1e-14)
+    best, lower, n_cells = least_violated(
+        normals, offsets, reach_of(normals), pads, weights, 0, 1e-15, UNITS, UNITS // 100, 0.0, 10, 10**6, center, cell
+    )
+    assert 0 <= lower <= best <= UNITS
+    assert n_cells > 0
+    assert lower <= dense_violation(rows, np.ones(len(rows), int), 5).min() * (UNITS // len(rows))
+    assert weights[normals @ center - offsets > 0].sum() == best
+    assert best - lower <= UNITS // 100 or not np.isnan(cell).any()
+
+
+def test_least_violated_stays_in_the_domain():
+    """The half-space z <= 1/8 has no weight but counts; the one plane asks for z >= 7/8."""
+    normals, offsets = unit_planes([(0, 0, 1, 1), (0, 0, -1, -7)])
+    center, cell = np.full(3, np.nan), np.full(4, np.nan)
+    best, lower, _ = least_violated(
+        normals, offsets, reach_of(normals), np.full(2, 1e-14), np.array([1, UNITS]), 1, 1e-15, UNITS + 1, 0, 0.0, 8,
+        10**6, center, cell,
+    )  # fmt: skip
+    assert (best, lower) == (UNITS, UNITS)
+    assert center[2] < 1 / 8
+
+
+SUMMARY = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import hashlib
+from test_octree_cells import summary
+print(hashlib.sha256(summary()).hexdigest())
+"""
+
+
+def summary():
+    """All bits of the answers on 1,200 planes."""
+    rows = many_planes(1200)
+    normals, offsets = unit_planes(rows)
+    reach, pads, weights = reach_of(normals), np.full(len(rows), 1e-14), np.arange(1, len(rows) + 1)
+    bounds = np.array([weights.sum() // 9, weights.sum() // 4])
+    arrays = [*exact_cells(normals, offsets + 0.3, reach, pads, 6, False)]
+    arrays += run_relaxed(rows, weights, 40, 6, bounds, bounds)
+    arrays += violation_cells(normals, offsets, reach * (1 + 1e-13), weights, 40, bounds[1], 7.0, 5)
+    center, cell = np.full(3, np.nan), np.full(4, np.nan)
+    best = least_violated(
+        normals, offsets, reach, pads, weights, 40, 1e-15, weights.sum(), 9, 0.0, 6, 9999, center, cell
+    )
+    return b"".join(np.asarray(a).tobytes() for a in (*arrays, *best, center, cell))
+
+
+def test_plain_and_wide_passes_agree():
+    """What processors without wide vectors run gives the same bits; it is chosen once, when the core is loaded."""
+    here = Path(__file__).parent
+    paths = os.pathsep.join([str(here.parent), *sys.path])
+    answers = {
+        subprocess.run(
+            [sys.executable, "-c", SUMMARY, str(here)], capture_output=True, text=True, check=True, timeout=600,
+            env={**os.environ, "PYTHONPATH": paths, "VOXKERNEL_AVX2": wide},
+        ).stdout
+        for wide in "01"
+    }  # fmt: skip
+    assert len(answers) == 1
+
+
+def test_arrays_are_not_converted():
+    normals, offsets = unit_planes([(0, 0, 1, 4), (1, 0, 0, 4)])
+    reach, pads, weights = reach_of(normals), np.full(2, 1e-14), np.array([1, 1])
+    for wrong in (normals.astype(np.float32), np.asfortranarray(normals), normals[:, :2], normals.tolist()):
+        with pytest.raises(TypeError, match="incompatible function arguments"):
+            exact_cells(wrong, offsets, reach, pads, 4, False)
+        with pytest.raises(TypeError, match="incompatible function arguments"):
+            violation_cells(wrong, offsets, reach, weights, 0, 1, 1.0, 4)
+    with pytest.raises(TypeError, match="incompatible function arguments"):
+        violation_cells(normals, offsets, reach, weights.astype(np.int32), 0, 1, 1.0, 4)
+    locked = np.zeros(3)
+    locked.flags.writeable = False
+    for center, cell in ((locked, np.zeros(4)), (np.zeros(4), np.zeros(4)), (np.zeros(3), np.zeros(3))):
+        with pytest.raises(TypeError, match="incompatible function arguments"):
+            least_violated(normals, offsets, reach, pads, weights, 0, 0.0, 1, 1, 0.0, 4, 9, center, cell)
+    numbers = np.column_stack([normals, reach, offsets])
+    with pytest.raises(TypeError, match="incompatible function arguments"):
+        relaxed_cells(numbers, weights, 0, 0, weights, weights, np.array([0, 1, 2]), 4, -1, weights, 99, False)
