@@ -1,4 +1,5 @@
 // The module voxkernel._core; each group of functions is bound in its own file.
+#include <stdexcept>
 #include <string>
 
 #include "bind.h"
@@ -19,8 +20,7 @@ NB_MODULE(_core, m) {
   if (const char* fault = arithmetic_fault()) {
     const std::string text = std::string("voxkernel._core was built by a compiler that breaks exact arithmetic (") +
                              fault + "); build it without fast-math and contraction";
-    PyErr_SetString(PyExc_ImportError, text.c_str());
-    throw nb::python_error();
+    throw std::runtime_error(text);  // becomes ImportError
   }
   m.doc() = "The compiled core: plain arrays in and out, one function per algorithm.";
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
