@@ -49,7 +49,7 @@ def machine_has_fma():
     ("flags", "fault"),
     [
         (("-O1", "-ffast-math"), "reorders sums"),
-        (("-O1", "-mfma", "-ffp-contract=fast"), "contracts products and sums"),
+        (("-O2", "-mfma", "-ffp-contract=fast"), "contracts products and sums"),
         (("-O1", "-ffinite-math-only"), "knows neither infinity nor NaN"),
     ],
 )
