@@ -1,58 +1,16 @@
 """Every compiled loop of the exact kernel next to a short twin in NumPy or in integers."""
 
-from fractions import Fraction
 
 import numpy as np
 import pytest
 import shapes
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import linprog
 
 import voxkernel
-from voxkernel._loops.convexity import edge_convexity, halfedge_twins, orientation
-from voxkernel._loops.coplanar import orient3d_exact
-from voxkernel._loops.linear_program import N_BINS, deepest_point, plane_signs, tightest_by_direction
+from voxkernel._loops.octree import exact_cells
 from voxkernel._loops.planes import boundary_is_zero, coordinate_range, facet_planes
-from voxkernel._loops.polyhedron import moments, neighbours, planes_reaching, solid_angle
-from voxkernel.halfspaces import HalfSpaces
 
-coordinates = st.one_of(
-    st.integers(-8, 8).map(float), st.floats(-4, 4), st.floats(-1e-12, 1e-12), st.sampled_from([1e30, -1e-30, 0.1])
-)
-points = st.tuples(coordinates, coordinates, coordinates)
-
-
-def integer_orientation(a, b, c, d):
-    a, b, c, d = ([Fraction(v) for v in p] for p in (a, b, c, d))
-    u, v, w = ([x - y for x, y in zip(p, d, strict=True)] for p in (a, b, c))
-    det = (
-        u[0] * (v[1] * w[2] - v[2] * w[1]) - u[1] * (v[0] * w[2] - v[2] * w[0]) + u[2] * (v[0] * w[1] - v[1] * w[0])
-    )
-    return (det > 0) - (det < 0)
-
-
-@given(points, points, points, points)
-def test_orient3d_is_exact(a, b, c, d):
-    expected = integer_orientation(a, b, c, d)
-    a, b, c, d = (np.array(p, dtype=float) + 0.0 for p in (a, b, c, d))
-    tiny = [abs(v) for p in (a, b, c, d) for v in p if v]
-    if tiny and min(tiny) < 2.0**-300:
-        return  # beyond the range the predicate is used in
-    assert orient3d_exact(a, b, c, d) == expected
-    assert np.sign(orientation(a, b, c, d)) == -expected
-
-
-@given(points, points, st.floats(-3, 3), st.floats(-3, 3))
-def test_orient3d_on_nearly_flat_input(a, b, s, t):
-    """d is a rounded combination of a, b and the origin: flat but for the last bits."""
-    a, b = np.array(a), np.array(b)
-    c = np.zeros(3)
-    d = s * a + t * b
-    tiny = [abs(v) for p in (a, b, d) for v in p if v]
-    if tiny and (min(tiny) < 2.0**-300 or max(tiny) > 2.0**300):
-        return
-    assert orient3d_exact(a, b, c, d) == integer_orientation(a, b, c, d)
 
 
 @pytest.mark.parametrize("make", [shapes.cube, shapes.spiky, shapes.torus, shapes.open_box])
@@ -106,64 +64,6 @@ def test_boundary_is_zero_at_a_vertex_of_high_degree():
     under = np.column_stack([np.full(n, n + 1), np.roll(ring, -1), ring])
     assert boundary_is_zero(np.concatenate([fan, under]), n + 2)
     assert not boundary_is_zero(fan, n + 2)
-    twins = halfedge_twins(np.concatenate([fan, under]), n + 2)
-    assert (twins >= 0).all()
-    assert (twins[twins] == np.arange(len(twins))).all()
-
-
-@pytest.mark.parametrize(
-    ("make", "expected"),
-    [(shapes.icosphere, 2), (shapes.cube, 1), (shapes.l_prism, 0), (shapes.torus, 0), (shapes.open_box, 0)],
-)
-def test_edge_convexity(make, expected):
-    vertices, faces = make()
-    twins = halfedge_twins(faces, len(vertices))
-    assert edge_convexity(vertices, faces, twins, np.arange(len(faces)), faces) == expected
-
-
-@pytest.mark.parametrize("n", [4, 40, 400])
-def test_deepest_point_is_that_of_highs(n, rng):
-    normals = rng.normal(size=(n, 3))
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    for shift in (1.0, -0.2):
-        offsets = rng.uniform(0.5, 1, n) * shift + normals @ rng.uniform(-0.3, 0.3, 3)
-        basis, multipliers, point = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
-        assert deepest_point(normals, offsets, np.arange(n), n, 4.0, basis, multipliers, point, 1e-14, 500) >= 0
-        bounds = [(-4, 4)] * 3 + [(None, 8)]
-        rows = np.column_stack([normals, np.ones(n)])
-        known = linprog([0, 0, 0, -1], A_ub=rows, b_ub=offsets, bounds=bounds).x
-        assert point[3] == pytest.approx(known[3], abs=2e-7)  # HiGHS stops at 1e-7
-        assert (normals @ point[:3] + point[3] - offsets).max() < 1e-12
-        assert (multipliers >= 0).all()
-        if (basis >= 7).all():  # the optimum is proven by its multipliers
-            assert multipliers @ offsets[basis - 7] == pytest.approx(point[3], abs=1e-12)
-            assert np.abs(multipliers @ normals[basis - 7]).max() < 1e-12
-
-
-def planes_of(make):
-    return HalfSpaces.from_mesh(voxkernel.as_mesh(make()))
-
-
-@pytest.mark.parametrize("make", [shapes.spiky, shapes.torus])
-def test_passes_over_all_planes(make, rng):
-    planes = planes_of(make)
-    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-    for _ in range(5):
-        point = rng.uniform(-0.5, 0.5, 3)
-        smallest, certain, where = tightest_by_direction(*arrays, point, np.inf, ids, slacks)
-        slack = planes.local_offsets - planes.local_normals @ point
-        assert smallest == pytest.approx(slack.min(), abs=1e-15)
-        assert where == slack.argmin()
-        assert certain < smallest
-        assert where in ids
-        used = ids[ids >= 0]
-        assert np.allclose(slacks[ids >= 0], slack[used], atol=1e-15)
-        undecided = np.empty(len(planes), np.int64)
-        count = plane_signs(*arrays, point, 0.0, undecided)
-        outside = np.flatnonzero(slack <= 0)
-        assert set(outside.tolist()) <= set(undecided[:count].tolist())
-        assert (slack[undecided[:count]] < 1e-12).all()
 
 
 def test_moments_and_reach_of_a_box():
@@ -193,3 +93,47 @@ def test_solid_angle_of_closed_and_open_surfaces():
     assert solid_angle(vertices + 50, faces.ravel()) == pytest.approx(0, abs=1e-9)
     octant = np.eye(3)
     assert solid_angle(octant, np.array([0, 1, 2])) == pytest.approx(np.pi / 2)
+
+
+@given(
+    st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3), st.integers(1, 9)), max_size=5),
+    st.integers(3, 4),
+)
+def test_octree_voxels_against_integers(rows, depth):
+    """Planes a . u <= d / 8 over the unit cube: every voxel inside, outside or undecided as its corners say."""
+    rows = [r for r in rows if any(r[:3])]
+    n = len(rows)
+    normals, offsets = np.array([r[:3] for r in rows], float).reshape(n, 3), np.array([r[3] / 8 for r in rows])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals, offsets = normals / lengths[:, None], offsets / lengths
+    arrays = exact_cells(normals, offsets, np.abs(normals).sum(1), np.full(n, 1e-14), depth, False)
+    tile_ijk, tile_log2, leaf_ijk, leaf_inside, leaf_boundary, n_inside, n_boundary = arrays
+    size = 2**depth
+    verdict = np.full((size,) * 3, -1)
+    for (x, y, z), log2 in zip(tile_ijk, tile_log2, strict=True):
+        e = 2 ** int(log2)
+        verdict[x : x + e, y : y + e, z : z + e] = 1
+    for (x, y, z), ins, bou in zip(leaf_ijk, leaf_inside, leaf_boundary, strict=True):
+        for masks, value in ((ins, 1), (bou, 0)):
+            bits = np.unpackbits(np.ascontiguousarray(masks).view(np.uint8), bitorder="little").reshape(8, 8, 8)
+            verdict[x : x + 8, y : y + 8, z : z + 8][bits == 1] = value
+    assert (verdict == 1).sum() == n_inside
+    assert (verdict == 0).sum() == n_boundary
+    grid = np.stack(np.meshgrid(*[np.arange(size + 1)] * 3, indexing="ij"), -1)
+    inside = np.ones((size,) * 3, bool)
+    outside = np.zeros((size,) * 3, bool)
+    for a, b, c, d in rows:
+        side = 8 * (grid @ np.array([a, b, c])) - d * size  # sign of a . u - d / 8 at every corner, in integers
+        corners = np.stack([side[i : i + size, j : j + size, k : k + size] for i, j, k in np.ndindex(2, 2, 2)])
+        inside &= corners.max(0) <= 0
+        outside |= corners.min(0) > 0
+    assert inside[verdict == 1].all()
+    touching = np.zeros((size,) * 3, bool)  # a corner exactly on a plane may stay undecided
+    for a, b, c, d in rows:
+        side = 8 * (grid @ np.array([a, b, c])) - d * size
+        corners = np.stack([side[i : i + size, j : j + size, k : k + size] for i, j, k in np.ndindex(2, 2, 2)])
+        touching |= (corners == 0).any(0)
+    assert not (inside & (verdict == -1)).any()
+    assert (verdict[inside & ~touching] == 1).all()
+    assert (verdict[outside] < 1).all()
+    assert (verdict[outside & ~touching] == -1).all()

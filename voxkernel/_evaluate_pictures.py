@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._evaluate_settings import EvaluateSettings
 from voxkernel._picture_scene import Scene, make_scene
+from voxkernel._polygons import without_strays
 from voxkernel.domain import as_domain
 from voxkernel.measures import Starshapeness
 from voxkernel.mesh import TriangleMesh
@@ -73,7 +74,7 @@ def _packed(
 def _simplified(mesh: TriangleMesh, n_faces: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Decimate by quadric edge collapse; where that cannot get there, by clustering."""
     if len(mesh.faces) <= n_faces:
-        return mesh.vertices, mesh.faces
+        return without_strays(mesh.vertices, mesh.faces)
     from voxkernel.errors import VoxKernelError
     from voxkernel.repair import repair
 
@@ -84,7 +85,7 @@ def _simplified(mesh: TriangleMesh, n_faces: int) -> tuple[NDArray[np.float64], 
         mesh = small
     except VoxKernelError:
         pass
-    return _clustered(mesh.vertices, mesh.faces, n_faces)
+    return _clustered(*without_strays(mesh.vertices, mesh.faces), n_faces)
 
 
 def _clustered(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._graph import components
+from voxkernel._polygons import used_vertices, without_strays
 from voxkernel.mesh import TriangleMesh
 
 __all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
@@ -70,8 +71,9 @@ def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
         # One triangle stands for each facet: the arrow needs one place.
         witness = np.array([int(np.flatnonzero(mesh.facet_ids == i)[0]) for i in ids], np.int64)
     view, up = _camera(mesh, doubled, points, is_open)
+    # Programs that draw make room for every vertex they are given.
     return Scene(
-        mesh.vertices, mesh.faces, lines, is_open, points, triangles, edges,
+        *without_strays(mesh.vertices, mesh.faces), lines, is_open, points, triangles, edges,
         np.flatnonzero(np.isin(mesh.facet_ids, mesh.facet_ids[witness])),
         corners[witness].mean(axis=1), -normals[witness], view, up,
     )  # fmt: skip
@@ -126,7 +128,7 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
     chosen = starts[drawn]
     segments = mesh.vertices[ends[chosen]]
     if mesh.n_facets > _COARSE and len(chosen):
-        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        size = float(np.linalg.norm(np.ptp(used_vertices(mesh.vertices, mesh.faces), axis=0)))
         segments = segments[_is_long(ends[chosen], segments, _SPECK * size)]
     # A surface that is rough everywhere has no feature lines, only noise.
     if mesh.n_facets > _COARSE and len(segments) > 0.2 * len(starts):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from voxkernel._picture_parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel._picture_scene import KERNEL, SURFACE, make_scene
+from voxkernel._polygons import without_strays
 from voxkernel._radial import RadialGrid, grid_triangles
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
     chosen = sphere.mesh.vertices[used[np.linspace(0, len(used) - 1, 40).astype(int)]]
     rays = np.stack([np.broadcast_to(sphere.center, chosen.shape), chosen], axis=1)
     return _Panels(
-        (sphere.mesh.vertices, sphere.mesh.faces), sphere.center, rays,
+        without_strays(sphere.mesh.vertices, sphere.mesh.faces), sphere.center, rays,
         (unit, grid_triangles(fine.grid), radii), fine.radii, (rebuilt.vertices, rebuilt.faces), scene.view, scene.up,
     )  # fmt: skip
 

@@ -19,6 +19,8 @@ __all__ = [
     "scaled_triangle_areas",
     "triangle_areas",
     "unscaled",
+    "used_vertices",
+    "without_strays",
 ]
 
 
@@ -58,6 +60,24 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
 def scale_exponent(vertices: NDArray[np.float64]) -> int:
     """The e with max |coordinate| in [2**(e-1), 2**e): products of coordinates / 2**e cannot overflow."""
     return int(np.frexp(max(float(vertices.max()), -float(vertices.min())))[1])
+
+
+def used_vertices(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The vertices that a face refers to, in order: no other one may change an answer."""
+    used = np.zeros(len(vertices), np.bool_)
+    used[faces.ravel()] = True
+    return vertices if used.all() else vertices[used]
+
+
+def without_strays(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Leave out the vertices that no face refers to; the arrays themselves where there are none."""
+    used = np.zeros(len(vertices), np.bool_)
+    used[faces.ravel()] = True
+    if used.all():
+        return vertices, faces
+    return vertices[used], (np.cumsum(used) - 1)[faces]
 
 
 def unscaled(values: Any, exponent: int) -> Any:

@@ -12,6 +12,7 @@ from voxkernel._checks import as_depth, as_nonnegative, read_only
 from voxkernel._core import settle_rays, triangle_distances
 from voxkernel._facts import half_edges
 from voxkernel._harmonics import MAX_DEGREE, Harmonics, fit_harmonics
+from voxkernel._polygons import used_vertices, without_strays
 from voxkernel._sphere_grids import GridKind, SphereGrid, sphere_grid
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
@@ -236,17 +237,18 @@ def _distances(source: TriangleMesh, target: TriangleMesh) -> tuple[NDArray[np.f
     from voxkernel._open3d import open3d
 
     o3d: Any = open3d()
-    vertices = source.vertices[np.unique(source.faces)]
+    vertices = used_vertices(source.vertices, source.faces)
+    corners, faces = without_strays(target.vertices, target.faces)
     points = np.concatenate([vertices, source.vertices[source.faces].mean(axis=1)])
-    middle = target.vertices.mean(axis=0)
-    size = float(np.abs(target.vertices - middle).max()) or 1.0
+    middle = corners.mean(axis=0)
+    size = float(np.abs(corners - middle).max()) or 1.0
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
-        o3d.core.Tensor(((target.vertices - middle) / size).astype(np.float32)),
-        o3d.core.Tensor(target.faces.astype(np.uint32)),
+        o3d.core.Tensor(((corners - middle) / size).astype(np.float32)),
+        o3d.core.Tensor(faces.astype(np.uint32)),
     )
     query = o3d.core.Tensor(((points - middle) / size).astype(np.float32))
     nearest = scene.compute_closest_points(query)["primitive_ids"].numpy().astype(np.int64)
     distances = np.empty(len(points))
-    triangle_distances(points, target.vertices[target.faces[nearest]], distances)
+    triangle_distances(points, corners[faces[nearest]], distances)
     return distances[: len(vertices)], distances[len(vertices) :]

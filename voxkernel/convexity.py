@@ -21,9 +21,9 @@ def edge_convexity_of(
 ) -> int:
     """Classify the edges of a surface: 2 all strictly convex, 1 convex or flat, 0 otherwise.
 
-    Coordinates outside 2**-300 .. 2**300 are beyond the exact predicate and give 0.
+    Coordinates in use outside 2**-300 .. 2**300 are beyond the exact predicate and give 0.
     """
-    low, high, smallest = coordinate_range(vertices)
+    low, high, smallest = coordinate_range(vertices, faces)
     if max(np.abs(low).max(), np.abs(high).max()) > 2.0**300 or smallest < 2.0**-300:
         return 0
     twins = halfedge_twins(faces, len(vertices))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._polygons import used_vertices
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 
@@ -115,7 +116,7 @@ def ball_domain(mesh: TriangleMesh, *, factor: float = BALL_FACTOR) -> Domain:
         Of kind "ball".
     """
     centroid, frame = surface_frame(mesh)
-    used = _used_vertices(mesh)
+    used = used_vertices(mesh.vertices, mesh.faces)
     radius = factor * float(np.sqrt(((used - centroid) ** 2).sum(axis=1).max()))
     unit = _unit_ball()
     normals = unit.normals @ frame
@@ -145,7 +146,7 @@ def hull_domain(mesh: TriangleMesh) -> Domain:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    used = _used_vertices(mesh)
+    used = used_vertices(mesh.vertices, mesh.faces)
     center = used.mean(axis=0)
     try:
         hull = ConvexHull(used - center)
@@ -182,7 +183,7 @@ def box_domain(mesh: TriangleMesh) -> Domain:
     ValueError
         If the box is flat.
     """
-    used = _used_vertices(mesh)
+    used = used_vertices(mesh.vertices, mesh.faces)
     low, high = used.min(axis=0), used.max(axis=0)
     if not (high > low).all():
         raise ValueError("`domain` must have a volume; got the bounding box of a surface that lies in one plane")
@@ -211,12 +212,6 @@ def planes_domain(normals: ArrayLike, offsets: ArrayLike) -> Domain:
     """
     planes = HalfSpaces.from_planes(normals, offsets)
     return _make("planes", np.array(normals, dtype=np.float64), np.array(offsets, dtype=np.float64), planes=planes)
-
-
-def _used_vertices(mesh: TriangleMesh) -> NDArray[np.float64]:
-    used = np.zeros(len(mesh.vertices), np.bool_)
-    used[mesh.faces.ravel()] = True
-    return mesh.vertices[used]
 
 
 def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -92,7 +92,8 @@ class HalfSpaces:
             If no facet has an area.
         """
         vertices, corners = mesh.vertices, mesh.plane_corners
-        low, high, smallest = coordinate_range(vertices)
+        faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
+        low, high, smallest = coordinate_range(vertices, faces)
         origin, scale = _local_frame(low, high)
         bits = _bits_of(smallest)
         n = len(corners)

@@ -12,7 +12,7 @@ from voxkernel._checks import as_depth, as_positive
 from voxkernel._facts import half_edges
 from voxkernel._graph import components
 from voxkernel._mesh_files import Polygons, merge_equal_corners
-from voxkernel._polygons import scale_exponent
+from voxkernel._polygons import scale_exponent, used_vertices
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
@@ -200,7 +200,7 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
     one_sided = kept == turned
     part = np.minimum(kept, turned)
     first = kept <= turned  # the choice of a part's lower label
-    exponent = scale_exponent(vertices)
+    exponent = scale_exponent(used_vertices(vertices, faces))
     local = np.ldexp(vertices, -exponent)
     local = local - local[faces].mean(axis=(0, 1))
     p, q, r = local[faces[:, 0]], local[faces[:, 1]], local[faces[:, 2]]

@@ -22,7 +22,7 @@ from voxkernel._coverage import (
     solid_angles,
 )
 from voxkernel._harmonics import MAX_DEGREE, Harmonics
-from voxkernel._polygons import triangle_areas
+from voxkernel._polygons import triangle_areas, used_vertices
 from voxkernel._radial import RadialGrid, ReconstructionError, reconstruction_error, sample_radii
 from voxkernel._sphere_grids import GridKind
 from voxkernel.domain import Domain
@@ -405,7 +405,7 @@ def _strictly_inside(
     """Move a kernel point towards the deepest one until it is off all facet planes and clear of the triangles."""
     if kernel.dimension < 3:
         return point
-    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    size = float(np.linalg.norm(np.ptp(used_vertices(mesh.vertices, mesh.faces), axis=0)))
     boundary = None
     for bits in (None, *range(52, 19, -2)):
         moved = point if bits is None else point + (kernel.deepest_point - point) * 2.0**-bits

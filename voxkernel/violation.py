@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_choice, as_depth, as_nonnegative, as_points, as_positive, read_only
 from voxkernel._core import StopFlag, least_violated, violated_weights, violation_cells
 from voxkernel._cube import MIN_DEPTH, RootCube, root_cube
+from voxkernel._polygons import used_vertices
 from voxkernel._relaxed import cube_arrays
 from voxkernel._threads import run_parts
 from voxkernel._weights import UNITS, WeighedPlanes, halfspaces_of, relaxed_domain, weigh
@@ -281,7 +282,9 @@ def _searched(
     blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     point = region.vertices.mean(axis=0)
     is_coarse = len(planes.facets) <= _COARSE
-    seeds = point[None] if mesh is None or not is_coarse else np.concatenate([point[None], mesh.vertices])
+    seeds = point[None]
+    if mesh is not None and is_coarse:
+        seeds = np.concatenate([seeds, used_vertices(mesh.vertices, mesh.faces)])
     border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
     seeds = seeds[violated_units(border, seeds) == 0]
     best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)

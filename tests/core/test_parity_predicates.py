@@ -10,6 +10,7 @@ import shapes
 import voxkernel
 from voxkernel import _core, demo_shapes
 from voxkernel._loops import convexity, coplanar, linear_program, planes
+from voxkernel._polygons import used_vertices, without_strays
 from voxkernel.halfspaces import HalfSpaces
 
 MAKERS = [
@@ -42,8 +43,8 @@ def meshes(data_dir):
 def test_planes(meshes):
     for mesh in meshes:
         n = len(mesh.plane_corners)
-        low, high, smallest = planes.coordinate_range(mesh.vertices)
-        new = _core.coordinate_range(mesh.vertices)
+        low, high, smallest = planes.coordinate_range(used_vertices(mesh.vertices, mesh.faces))
+        new = _core.coordinate_range(*without_strays(mesh.vertices, mesh.faces))
         assert (new[0] == low).all()
         assert (new[1] == high).all()
         assert new[2] == smallest

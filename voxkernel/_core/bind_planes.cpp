@@ -19,12 +19,13 @@ void bind_planes(nb::module_& m) {
       "Fill unit normals, offsets, areas and error bounds of facet planes; return how many are undecided.");
   m.def(
       "coordinate_range",
-      [](Array2<const double, 3> vertices) {
-        const Box box = without_lock([&](Stop&) { return coordinate_range(rows(vertices)); });
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces) {
+        const Box box = without_lock([&](Stop& stop) { return coordinate_range(rows(vertices), rows(faces), stop); });
         return std::make_tuple(to_array(std::vector<double>(box.low, box.low + 3)),
                                to_array(std::vector<double>(box.high, box.high + 3)), box.smallest);
       },
-      array("vertices"), "One pass: lower and upper corner of the bounding box, and the smallest magnitude but zero.");
+      array("vertices"), array("faces"),
+      "Of the vertices in use: lower and upper corner of the bounding box, and the smallest magnitude but zero.");
   m.def(
       "boundary_is_zero",
       [](Array2<const Index, 3> faces, Index n_vertices) {

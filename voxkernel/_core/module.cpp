@@ -1,4 +1,5 @@
 // The module voxkernel._core; each group of functions is bound in its own file.
+#include <stdexcept>
 #include <string>
 
 #include "bind.h"
@@ -11,13 +12,11 @@ void bind_convexity(nb::module_& m);
 void bind_feasibility(nb::module_& m);
 void bind_grid_query(nb::module_& m);
 void bind_linear_program(nb::module_& m);
+void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
 void bind_predicates(nb::module_& m);
 void bind_sphere(nb::module_& m);
-void bind_octree(nb::module_& m);
-void bind_planes(nb::module_& m);
-void bind_predicates(nb::module_& m);
 void bind_violation(nb::module_& m);
 
 }  // namespace voxkernel
@@ -27,8 +26,7 @@ NB_MODULE(_core, m) {
   if (const char* fault = arithmetic_fault()) {
     const std::string text = std::string("voxkernel._core was built by a compiler that breaks exact arithmetic (") +
                              fault + "); build it without fast-math and contraction";
-    PyErr_SetString(PyExc_ImportError, text.c_str());
-    throw nb::python_error();
+    throw std::runtime_error(text);  // becomes ImportError
   }
   m.doc() = "The compiled core: plain arrays in and out, one function per algorithm.";
   nb::class_<StopFlag>(m, "StopFlag", "Tells loops that run in other threads to stop.")
@@ -39,12 +37,10 @@ NB_MODULE(_core, m) {
   bind_feasibility(m);
   bind_grid_query(m);
   bind_linear_program(m);
+  bind_octree(m);
   bind_planes(m);
   bind_polyhedron(m);
   bind_predicates(m);
   bind_sphere(m);
-  bind_octree(m);
-  bind_planes(m);
-  bind_predicates(m);
   bind_violation(m);
 }

@@ -90,11 +90,18 @@ Index facet_planes(Points vertices, Triangles corners, const double* origin, dou
   return undecided;
 }
 
-// One pass: the bounding box, and the smallest magnitude but zero.
-Box coordinate_range(Points vertices) {
+// The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
+Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
+  std::vector<char> is_used(vertices.size(), 0);
+  for (Index i = 0; i < faces.size(); ++i) {
+    stop.poll();
+    for (int k = 0; k < 3; ++k) is_used[faces(i, k)] = 1;
+  }
   constexpr double infinity = std::numeric_limits<double>::infinity();
   Box box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}, infinity};
   for (Index i = 0; i < vertices.size(); ++i) {
+    stop.poll();
+    if (!is_used[i]) continue;
     for (int k = 0; k < 3; ++k) {
       const double v = vertices(i, k);
       box.low[k] = std::min(box.low[k], v);

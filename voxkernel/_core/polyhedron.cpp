@@ -80,7 +80,10 @@ Rings dual_faces(Triangles simplices, Span<const bool> outward, Indices vertex_i
       stop.poll(n);
       // A closed hull leaves each neighbour of p once, so that no two keys are equal.
       std::sort(low, high, [](const Turn& a, const Turn& b) { return a.from < b.from; });
-      auto current = low;
+      // Polygons begin at the first of their triangles.
+      const auto begin_turn =
+          std::min_element(low, high, [](const Turn& a, const Turn& b) { return a.owner < b.owner; });
+      auto current = begin_turn;
       Index steps = 0;
       while (steps < n) {
         const Index vertex = vertex_ids[current->owner];
@@ -93,7 +96,7 @@ Rings dual_faces(Triangles simplices, Span<const bool> outward, Indices vertex_i
           break;
         }
         current = next;
-        if (current == low) break;
+        if (current == begin_turn) break;
       }
       if (steps < n) rings.all_closed = false;
       if (rings.ring.size() > begin + 1 && rings.ring.back() == rings.ring[begin]) rings.ring.pop_back();
