@@ -95,7 +95,7 @@ def test_help_is_quick_and_loads_nothing_heavy():
         "import sys; from voxkernel.cli import main as m\n"
         "try: m.main(['--help'])\n"
         "except SystemExit: pass\n"
-        "print({'scipy', 'numba', 'open3d', 'pyvista', 'plotly', 'jinja2', 'PIL'} & set(sys.modules), file=sys.stderr)"
+        "print({'scipy', 'open3d', 'pyvista', 'plotly', 'jinja2', 'PIL'} & set(sys.modules), file=sys.stderr)"
     )
     env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
@@ -344,16 +344,6 @@ def test_broken_pipe_is_silent(folder):
         os.close(writer)
     assert done.stderr == b""
     assert done.returncode in (0, 1)
-
-
-def test_first_compilation_is_announced(folder):
-    env = {"NUMBA_CACHE_DIR": str(folder / "cache")}
-    said = "voxkernel: compiling the loops, once for this installation; this takes some seconds\n"
-    assert process("score", "missing.ply", env=env, cwd=folder, text=True).stderr.startswith(said)
-    assert said not in process("score", "missing.ply", "-q", env=env, cwd=folder, text=True).stderr
-    (folder / "cache").mkdir()
-    (folder / "cache" / "loops.nbi").write_bytes(b"")
-    assert said not in process("score", "missing.ply", env=env, cwd=folder, text=True).stderr
 
 
 # ---------------------------------------------------------------- demo

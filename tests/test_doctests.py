@@ -8,9 +8,7 @@ import pytest
 
 import voxkernel
 
-MODULES = [
-    m.name for m in pkgutil.walk_packages(voxkernel.__path__, "voxkernel.") if not m.name.startswith("voxkernel._loops")
-]
+MODULES = [m.name for m in pkgutil.walk_packages(voxkernel.__path__, "voxkernel.") if m.name != "voxkernel._core"]
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from voxkernel._loops.linear_program import deepest_point
+from voxkernel._core import deepest_point
 from voxkernel.feasibility import find_feasibility
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh_input import as_mesh
@@ -130,7 +130,7 @@ def test_parallel_faces_do_not_send_the_program_in_circles(lengths, rng):
         offsets = 1 / np.tile(sizes, 2) + normals @ middle
         basis, multipliers, point = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
         steps = deepest_point(
-            normals, offsets, np.arange(2 * n), 2 * n, 4.0, basis, multipliers, point, 1e-14, 1000
+            normals, offsets, np.arange(2 * n), 4.0, basis, multipliers, point, 1e-14, 1000
         )  # fmt: skip
         assert steps >= 0
         assert point[3] == pytest.approx((1 / sizes).min(), rel=1e-9)

@@ -15,7 +15,7 @@ PACKAGE = Path(voxkernel.__file__).parent
 # The rows of the design, top to bottom.
 # A private module (`_name`) has no row: what it imports counts as imported by whoever imports it.
 ROWS = (
-    "errors", "_checks", "_loops",
+    "errors", "_checks", "_core",
     "mesh", "mesh_input", "repair",
     "halfspaces",
     "convexity", "predicates", "feasibility", "domain", "certificate", "polytope",
@@ -26,7 +26,7 @@ ROWS = (
     "cli",
 )  # fmt: skip
 HEAVY = {
-    "open3d", "pymeshlab", "numba", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
+    "open3d", "pymeshlab", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
     "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package",
 }  # fmt: skip
 ONLY_IN = {"open3d": "_open3d"}
@@ -69,7 +69,7 @@ def tree_of(name):
 
 
 def row_name(name):
-    """`_loops.planes` and `cli.main` belong to the rows `_loops` and `cli`."""
+    """`cli.main` belongs to the row `cli`."""
     return name.split(".")[0]
 
 
@@ -105,7 +105,7 @@ def test_every_public_module_has_a_row():
 @pytest.mark.parametrize("name", [n for n in MODULES if n and row_name(n) in ROWS])
 def test_imports_come_from_rows_above(name):
     own = ROWS.index(row_name(name))
-    is_package = "." in name or name in ("_loops", "cli")  # modules of one folder may import each other
+    is_package = "." in name or name == "cli"  # modules of one folder may import each other
     wrong = [
         " -> ".join((name, *way))
         for row, way in reached_rows(name)
@@ -114,16 +114,10 @@ def test_imports_come_from_rows_above(name):
     assert not wrong, f"imports from its own row or below: {wrong}"
 
 
-@pytest.mark.parametrize("name", [n for n in MODULES if not n.startswith("_loops.")])
+@pytest.mark.parametrize("name", list(MODULES))
 def test_nothing_heavy_at_import(name):
     heavy = {dotted.split(".")[0] for dotted in _imports(tree_of(name), at_import_only=True)} & HEAVY
     assert not heavy, f"import these inside the function that needs them: {sorted(heavy)}"
-
-
-@pytest.mark.parametrize("name", [n for n in MODULES if not n.startswith("_loops")])
-def test_compiled_loops_are_imported_in_functions(name):
-    loops = [d for d in _imports(tree_of(name), at_import_only=True) if d.startswith("voxkernel._loops.")]
-    assert not loops, f"these import Numba: {loops}"
 
 
 @pytest.mark.parametrize(("package", "home"), ONLY_IN.items())

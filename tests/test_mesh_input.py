@@ -486,7 +486,7 @@ def _run(code):
 def test_no_heavy_import_at_import():
     code = (
         "import sys, voxkernel.mesh, voxkernel.mesh_input, voxkernel.repair, voxkernel._open3d\n"
-        "heavy = 'open3d pymeshlab meshio trimesh pyvista vtkmodules mapbox_earcut numba'.split()\n"
+        "heavy = 'open3d pymeshlab meshio trimesh pyvista vtkmodules mapbox_earcut'.split()\n"
         "print([name for name in heavy if name in sys.modules])"
     )
     done = _run(code)

@@ -9,13 +9,12 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from voxkernel._evaluate_inputs import BadInput
 from voxkernel._evaluate_scratch import scratch_folder
 from voxkernel._evaluate_settings import EvaluateSettings
-from voxkernel._evaluate_worker import OWN_WORKER, run_batch
+from voxkernel._evaluate_worker import OWN_WORKER
 from voxkernel.errors import SolverError
 
 __all__ = ["Cluster", "connected"]
@@ -40,7 +39,7 @@ _GUARD = 'A script, which must be a file, has to call `evaluate` under `if __nam
 _NEVER = logging.CRITICAL + 1
 # One thread of each library in each process, and a mark.
 _ENVIRONMENT = dict.fromkeys(
-    ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", OWN_WORKER), "1"
+    ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", OWN_WORKER), "1"
 )
 
 
@@ -101,18 +100,7 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
         except RuntimeError as error:
             raise SolverError(f"worker processes did not start: {error} {_GUARD}") from error
         with made, Client(made, set_as_default=False) as client:
-            if not _is_compiled():  # by one worker, for all
-                client.submit(run_batch, [], settings, pure=False).exception()
             yield Cluster(client, True, ends)
-
-
-def _is_compiled() -> bool:
-    """Whether the compiled loops are in Numba's cache."""
-    from voxkernel import _loops
-
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else Path(_loops.__path__[0]) / "__pycache__"
-    return any(folder.glob("**/*.nbi"))
 
 
 @contextmanager

@@ -142,7 +142,7 @@ def versions_text() -> str:
     from voxkernel import __version__
 
     found = {"voxkernel": __version__, "python": python_version()}
-    for name in ("numpy", "numba", "scipy", "open3d-cpu", "open3d", "pymeshlab"):
+    for name in ("numpy", "scipy", "open3d-cpu", "open3d", "pymeshlab"):
         try:
             found[name.removesuffix("-cpu")] = version(name)
         except PackageNotFoundError:

@@ -11,7 +11,7 @@ from typing import Any
 
 import voxkernel
 
-_SKIPPED = ("voxkernel._loops", "voxkernel.cli")
+_SKIPPED = ("voxkernel._core", "voxkernel.cli")
 # Modules a user calls by their full name: every function in their `__all__` is documented as well.
 _NAMED = ("registration", "polyhedral", "pictures", "grid_export", "domain", "demo_shapes", "errors")
 

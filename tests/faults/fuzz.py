@@ -28,7 +28,7 @@ import traceback
 import warnings
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "VTK_SMP_MAX_THREADS"):
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VTK_SMP_MAX_THREADS"):
     os.environ.setdefault(name, "1")  # a process with threads must not be forked
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # the others reserve gigabytes of addresses
 HERE = Path(__file__).resolve().parent

@@ -45,9 +45,8 @@ def folder(tmp_path_factory):
 def installation(tmp_path_factory):
     """A copy of the package without caches, and the words that run a command where it is read-only."""
     site = tmp_path_factory.mktemp("site")
-    shutil.copytree(
-        Path(voxkernel.__file__).parent, site / "voxkernel", ignore=shutil.ignore_patterns("__pycache__", "*.cpp", "*.h")
-    )
+    without = shutil.ignore_patterns("__pycache__", "*.cpp", "*.h")
+    shutil.copytree(Path(voxkernel.__file__).parent, site / "voxkernel", ignore=without)
     if os.geteuid():
         subprocess.run(["chmod", "-R", "a-w", site], check=True)
         yield site, []

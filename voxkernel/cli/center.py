@@ -9,7 +9,6 @@ from typing import Any
 from voxkernel.cli.output import (
     check_output,
     display,
-    note_first_compilation,
     number,
     print_json,
     print_table,
@@ -49,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Search, print, write."""
     output = None if args.output is None else check_output(args.output, (".json",))
-    note_first_compilation(quiet=args.quiet)
 
     from voxkernel.mesh_input import as_mesh
     from voxkernel.violation import best_center

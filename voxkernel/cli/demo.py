@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.output import check_folder, display, note_first_compilation, number, print_table, say, to_json
+from voxkernel.cli.output import check_folder, display, number, print_table, say, to_json
 
 HELP = "score and draw shapes made by formula; a first look"
 DESCRIPTION = (
@@ -29,7 +29,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Score and draw every shape, then write the report."""
     folder = check_folder(args.output)
-    note_first_compilation(quiet=args.quiet)
 
     from voxkernel.demo_shapes import SHAPES
     from voxkernel.pictures import interactive_page

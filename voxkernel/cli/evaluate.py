@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from voxkernel.cli.output import UsageError, display, note_first_compilation, say
+from voxkernel.cli.output import UsageError, display, say
 
 HELP = "a table of a whole data set, one row per mesh"
 DESCRIPTION = (
@@ -61,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.evaluate import evaluate
 
     settings = _settings(args)
-    note_first_compilation(quiet=args.quiet)
     try:
         with shown(quiet=args.quiet) as progress:
             result = evaluate(args.paths, output=args.output, settings=settings, labels=args.labels, progress=progress)

@@ -10,7 +10,6 @@ from voxkernel.cli.output import (
     UsageError,
     check_output,
     display,
-    note_first_compilation,
     number,
     print_json,
     print_table,
@@ -73,7 +72,6 @@ def run(args: argparse.Namespace) -> int:
     as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
-    note_first_compilation(quiet=args.quiet)
 
     from voxkernel.mesh_input import as_mesh
 

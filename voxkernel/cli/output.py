@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 __all__ = [
-    "UsageError", "check_folder", "check_output", "display", "note_first_compilation", "number", "print_json",
+    "UsageError", "check_folder", "check_output", "display", "number", "print_json",
     "print_table", "report_error", "say", "table_row",
 ]  # fmt: skip
 
@@ -98,14 +98,3 @@ def check_folder(path: str) -> Path:
         raise UsageError(f"output must be in an existing folder; got '{display(path)}'")
     folder.mkdir(exist_ok=True)
     return folder
-
-
-def note_first_compilation(*, quiet: bool) -> None:
-    """Say why the first run takes longer: the compiled loops are not in Numba's cache yet."""
-    from voxkernel import _loops
-
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else Path(_loops.__path__[0]) / "__pycache__"
-    writable = bool(chosen) or os.access(_loops.__path__[0], os.W_OK)
-    if _loops.NUMBA_CACHE and writable and not any(folder.glob("**/*.nbi")):
-        say("compiling the loops, once for this installation; this takes some seconds", quiet=quiet)

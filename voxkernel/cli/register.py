@@ -10,7 +10,6 @@ from voxkernel.cli.output import (
     UsageError,
     check_output,
     display,
-    note_first_compilation,
     number,
     print_json,
     print_table,
@@ -62,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
     for path in (args.source, args.target):
         if moved is not None and moved.exists() and Path(path).exists() and moved.samefile(path):
             raise UsageError(f"output must not be an input; got '{display(moved)}'")
-    note_first_compilation(quiet=args.quiet)
 
     from voxkernel.registration import prepare_surface, register
 

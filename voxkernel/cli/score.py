@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from voxkernel.cli.output import display, note_first_compilation, number, print_json, say, table_row
+from voxkernel.cli.output import display, number, print_json, say, table_row
 from voxkernel.errors import VoxKernelError
 
 HELP = "verdict, kernel volume and ratio of meshes"
@@ -33,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Score every mesh; a mesh that fails gets a row and does not stop the others."""
-    note_first_compilation(quiet=args.quiet)
     widths = (max(4, min(60, max(len(display(m)) for m in args.meshes))), *_WIDTHS)
     if not args.json and not args.quiet and sys.stderr.isatty():
         print(table_row(_COLUMNS, widths), file=sys.stderr)

@@ -10,7 +10,6 @@ from voxkernel.cli.output import (
     UsageError,
     check_output,
     display,
-    note_first_compilation,
     number,
     print_json,
     print_table,
@@ -60,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
     picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
-    note_first_compilation(quiet=args.quiet)
 
     sphere = _project(args)
     document: dict[str, Any] = {"file": args.mesh, **sphere.to_dict()}

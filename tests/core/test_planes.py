@@ -1,0 +1,77 @@
+"""Facet planes and what a mesh must be for them, next to a short twin in NumPy or in integers."""
+
+import numpy as np
+import pytest
+import shapes
+from hypothesis import given
+from hypothesis import strategies as st
+
+from voxkernel._core import boundary_is_zero, coordinate_range, facet_planes
+
+
+@pytest.mark.parametrize("make", [shapes.cube, shapes.spiky, shapes.torus, shapes.open_box])
+def test_facet_planes(make):
+    vertices, faces = make()
+    n = len(faces)
+    normals, offsets, areas, errors = np.empty((n, 3)), np.empty(n), np.empty(n), np.empty(n)
+    assert facet_planes(vertices, faces, np.zeros(3), 1.0, normals, offsets, areas, errors) == 0
+    p, q, r = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(q - p, r - p)
+    length = np.linalg.norm(cross, axis=1)
+    assert np.allclose(normals, cross / length[:, None], atol=1e-14)
+    assert np.allclose(offsets, np.einsum("ij,ij->i", cross, p) / length, atol=1e-14)
+    assert np.allclose(areas, length / 2)
+    assert (errors > 0).all()
+    assert (errors < 1e-12).all()
+
+
+def test_facet_planes_tell_the_undecided_from_the_degenerate():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-9, 0], [0, 0, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 1, 1]])
+    errors = np.empty(3)
+    assert facet_planes(vertices, faces, np.zeros(3), 1.0, np.empty((3, 3)), np.empty(3), np.empty(3), errors) == 1
+    assert errors.tolist() == [-1, -2, -2]
+
+
+def test_coordinate_range(rng):
+    vertices = rng.normal(size=(50, 3))
+    vertices[3, 1] = 0.0
+    faces = rng.integers(0, 49, (60, 3))  # nobody refers to the last vertex
+    low, high, smallest = coordinate_range(vertices, faces)
+    used = vertices[np.unique(faces)]
+    assert (low == used.min(0)).all()
+    assert (high == used.max(0)).all()
+    assert smallest == np.abs(used[used != 0]).min()
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 5)] * 3), min_size=1, max_size=30))
+def test_boundary_is_zero(rows):
+    faces = np.array(rows, np.int64)
+    count = {}
+    for a, b, c in rows:
+        for u, v in ((a, b), (b, c), (c, a)):
+            if u != v:
+                count[min(u, v), max(u, v)] = count.get((min(u, v), max(u, v)), 0) + (1 if u < v else -1)
+    assert boundary_is_zero(faces, 6) == (not any(count.values()))
+
+
+def test_boundary_is_zero_at_a_vertex_of_high_degree():
+    n = 200
+    ring = np.arange(1, n + 1)
+    fan = np.column_stack([np.zeros(n, np.int64), ring, np.roll(ring, -1)])
+    under = np.column_stack([np.full(n, n + 1), np.roll(ring, -1), ring])
+    assert boundary_is_zero(np.concatenate([fan, under]), n + 2)
+    assert not boundary_is_zero(fan, n + 2)
+
+
+def test_wrong_arrays_are_refused():
+    vertices, faces = shapes.cube()
+    with pytest.raises(TypeError, match="incompatible function arguments"):
+        coordinate_range(vertices.astype(np.float32), faces)
+    with pytest.raises(TypeError, match="incompatible function arguments"):
+        boundary_is_zero(np.asfortranarray(faces), len(vertices))
+    normals = np.empty((len(faces), 3))
+    normals.flags.writeable = False
+    rest = [np.empty(len(faces)) for _ in range(3)]
+    with pytest.raises(TypeError, match="incompatible function arguments"):
+        facet_planes(vertices, faces, np.zeros(3), 1.0, normals, *rest)
