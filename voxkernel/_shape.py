@@ -9,7 +9,7 @@ from math import isqrt, lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import deepest_point
+from voxkernel._core import deepest_point, face_misfit
 from voxkernel._exact_program import deepest_rational_point
 from voxkernel._flat import RationalPoint, rational_kernel, rational_moments, rough_corners
 from voxkernel._solid import (
@@ -80,6 +80,8 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
                 return shape
     while True:
         shape, near = _shape_of_rows(planes, rows, inside)
+        if len(rows) == len(planes):
+            return shape
         missing = np.setdiff1d(near, rows)
         if not len(missing):
             return shape
@@ -92,9 +94,10 @@ def _shape_of_rows(
     """Find the shape that some of the half-spaces make, and the half-spaces of all that are not clear of it."""
     assert inside.local_point is not None
     assert inside.point is not None
-    near = planes.select(rows)
+    near = planes if len(rows) == len(planes) else planes.select(rows)
     heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
-    near = near.select(heads)
+    if len(heads) < len(near):
+        near = near.select(heads)
     axes = None
     solid = polyhedron_around(near, inside.local_point) if inside.clearance > 0.0 else None
     if solid is not None:
@@ -126,28 +129,25 @@ def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
 def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tuple[NDArray[np.float64], float]:
     """Centre and radius of a largest ball between the faces."""
     normals = planes.local_normals[solid.rows]
+    size = solid.extent
     # Relative to the centre and to the size, so that a small kernel is solved as well as a large one.
-    offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / solid.extent
+    offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / size
     basis, multipliers, best = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
-    ids = np.arange(len(solid.rows))
-    deepest_point(normals, offsets, ids, 2.0, basis, multipliers, best, 1e-14, 2000)
-    clearance = float((offsets - normals @ best[:3]).min()) * solid.extent
+    deepest_point(normals, offsets, np.arange(len(solid.rows)), 2.0, basis, multipliers, best, 1e-14, 2000)
+    clearance = float((offsets - normals @ best[:3]).min()) * size
     if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
         return solid.center, inside.clearance
-    return solid.center + solid.extent * best[:3], clearance
+    return solid.center + size * best[:3], clearance
 
 
 def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Feasibility) -> Shape:
     """Measure a polyhedron; `reach` is what all half-spaces say to its corners."""
     deepest, clearance = _deepest(planes, solid, inside)
     volume, centroid, inertia, area = polyhedron_moments(solid)
-    # How far the corners of a face lie from its plane, relative to the centre, so that small kernels keep their digits.
-    slacks = planes.local_offsets[solid.rows] - planes.local_normals[solid.rows] @ solid.center
-    owner = np.repeat(np.arange(len(solid.rows)), np.diff(solid.start))
-    products = np.einsum("ij,ij->i", planes.local_normals[solid.rows[owner]], solid.vertices[solid.ring])
-    on_face = float(np.abs(products - slacks[owner]).max())
-    size = float(np.linalg.norm(solid.center)) + solid.extent + 1.0
-    blur = size * (float(planes.local_errors[solid.rows].max()) + 8 * _UNIT)
+    on_face, blur, extent = face_misfit(
+        planes.local_normals, planes.local_offsets, planes.local_errors,
+        solid.center, solid.vertices, solid.start, solid.ring, solid.rows,
+    )  # fmt: skip
     # Moving every plane by the largest misfit changes the volume by less than this share.
     misfit = max(on_face + blur, reach.bound)
     return Shape(
@@ -163,7 +163,7 @@ def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Fe
         clearance=clearance,
         corners=[],
         residual=reach.residual,
-        rounding=4.0 * misfit / clearance + _UNIT * (solid.extent / clearance) ** 2 + 1e-14
+        rounding=4.0 * misfit / clearance + _UNIT * (extent / clearance) ** 2 + 1e-14
         if clearance > 0
         else np.inf,
     )

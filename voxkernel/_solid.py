@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._core import (
     N_BINS,
+    clipped_polyhedron,
     consistent_turns,
     dual_faces,
     moments,
@@ -34,6 +35,7 @@ __all__ = [
 ]
 
 _CULL_ABOVE = 3000
+_FEW = 256
 _LONG_HULL = 20_000
 _FIRST_BOX = 4.0
 _LAST_BOX = 2.0**28
@@ -65,13 +67,18 @@ def polyhedron_around(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhed
 
     Notes
     -----
-    The hull of the dual points n / (d - n . x) is computed once (Qhull, through SciPy); a triangle of
-    it is a vertex, a point of it a face. A cube far away closes what is open.
+    A few half-spaces cut a cube, one after the other. For many, the hull of the dual points n / (d - n . x) is
+    computed once (Qhull, through SciPy); a triangle of it is a vertex, a point of it a face. A cube far
+    away closes what is open.
     """
     normals = planes.local_normals
     slacks = planes.local_offsets - normals @ point
     if slacks.min() <= 0.0:
         return None
+    if len(slacks) <= _FEW:
+        vertices, start, ring, rows, is_closed, is_sound = clipped_polyhedron(normals, slacks, 2 * _FIRST_BOX)
+        if is_closed and is_sound:
+            return Polyhedron(point.copy(), vertices, start, ring, rows)
     duals = normals / slacks[:, None]
     box = _FIRST_BOX
     while box <= _LAST_BOX:
