@@ -130,7 +130,7 @@ def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tupl
     offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / solid.extent
     basis, multipliers, best = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
     ids = np.arange(len(solid.rows))
-    deepest_point(normals, offsets, ids, len(ids), 2.0, basis, multipliers, best, 1e-14, 2000)
+    deepest_point(normals, offsets, ids, 2.0, basis, multipliers, best, 1e-14, 2000)
     clearance = float((offsets - normals @ best[:3]).min()) * solid.extent
     if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
         return solid.center, inside.clearance
