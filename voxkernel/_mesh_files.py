@@ -5,15 +5,14 @@ triangles from ``.off`` and no relative indices from ``.obj``; VTK and Open3D ro
 the vertices. PyMeshLab reads everything else.
 """
 
-import importlib
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
+from voxkernel._meshlab import read_with_meshlab
 from voxkernel._obj import parse_obj
 from voxkernel._off import parse_off
 from voxkernel._ply import Polygons, format_ply, parse_ply
@@ -44,7 +43,8 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
     if empty:
         raise MeshReadError(f"'{file}' cannot be read: the file is empty")
     if suffix not in parsers:
-        return _read_with_pymeshlab(file)
+        vertices, faces = read_with_meshlab(file)
+        return Polygons(vertices, faces.reshape(-1), np.full(len(faces), 3))
     try:
         return parsers[suffix](data)
     except (ValueError, OverflowError, MemoryError) as error:
@@ -53,14 +53,6 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())[:300]
-
-
-def _polygons(vertices: Any, flat: Any, sizes: Any) -> Polygons:
-    return Polygons(
-        np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
-        np.asarray(flat, dtype=np.int64),
-        np.asarray(sizes, dtype=np.int64),
-    )
 
 
 def merge_equal_corners(soup: Polygons) -> Polygons:
@@ -76,35 +68,6 @@ def merge_equal_corners(soup: Polygons) -> Polygons:
     ids = np.empty(len(rows), dtype=np.int64)
     ids[order] = rank[np.cumsum(new) - 1]
     return Polygons(soup.vertices[first[by_appearance]], ids[soup.flat], soup.sizes)
-
-
-def _read_with_pymeshlab(file: Path) -> Polygons:
-    """All layers of the file in one surface, each moved by its own matrix."""
-    pymeshlab: Any = importlib.import_module("pymeshlab")
-    meshes = pymeshlab.MeshSet()
-    try:
-        meshes.load_new_mesh(str(file))
-    except pymeshlab.PyMeshLabException as error:
-        details = str(error).split("Error details:")[-1]
-        reason = f"is not a readable {file.suffix.lower()} file: {_one_line(details)}"
-        raise MeshReadError(f"'{file}' {reason}") from error
-    vertices: list[NDArray[np.float64]] = []
-    faces: list[NDArray[np.int64]] = []
-    n = 0
-    for mesh in meshes:
-        points = np.array(mesh.vertex_matrix(), dtype=np.float64).reshape(-1, 3)
-        triangles = np.array(mesh.face_matrix(), dtype=np.int64).reshape(-1, 3)
-        matrix = np.array(mesh.transform_matrix(), dtype=np.float64)
-        if not np.array_equal(matrix, np.eye(4)):
-            points = points @ matrix[:3, :3].T + matrix[:3, 3]
-            if np.linalg.det(matrix[:3, :3]) < 0.0:
-                triangles = triangles[:, ::-1]
-        vertices.append(points)
-        faces.append(triangles + n)
-        n += len(points)
-    flat = np.concatenate(faces).reshape(-1) if faces else np.zeros(0, dtype=np.int64)
-    points = np.concatenate(vertices) if vertices else np.zeros((0, 3))
-    return _polygons(points, flat, np.full(len(flat) // 3, 3))
 
 
 def write_triangles(

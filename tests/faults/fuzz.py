@@ -8,7 +8,8 @@
 An input is a function of format, seed and number. It fails if reading it ends in an error that is none of the
 library's, in a message of several lines, in a warning or printed words, in the death of the process, after more than
 2 s of processor time, with more than 512 MB of memory, or in something that is no mesh; and if an input that only says
-the same in other words is refused or read as something else. A run with `--out` goes on where it stopped.
+the same in other words is refused or read as something else. What the library reads in a process of its own has the
+limits of that process. A run with `--out` goes on where it stopped.
 """
 
 import argparse
@@ -175,7 +176,7 @@ def run_batch(name, seed, numbers, shared, work, files=None):
             kind, details = judge(form, path, expected[which] if is_same else None)
             _limit(False)
             details = details[:400]
-            if kind in ("accepted", "refused") and form.is_quiet and os.fstat(printed).st_size > start:
+            if kind in ("accepted", "refused") and os.fstat(printed).st_size > start:
                 kind, details = "printed", os.pread(printed, 200, start).decode("utf-8", "replace")
             shared[SAID_SAME] += is_same
             if kind == "accepted":
@@ -339,9 +340,8 @@ def warm_up(name):
         path = Path(folder) / f"seed{form.suffix}"
         for data in form.seeds:
             form.damage(random.Random(0), data)
-            if form.is_quiet:
-                path.write_bytes(data)
-                form.read(path)
+            path.write_bytes(data)
+            form.read(path)
     gc.collect()
     gc.freeze()
 

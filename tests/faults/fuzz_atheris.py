@@ -7,7 +7,6 @@ formula and damages them as `fuzz.py` does, or as libFuzzer does. What is a fail
 and memory are libFuzzer's (-timeout, -rss_limit_mb).
 """
 
-import os
 import random
 import sys
 import tempfile
@@ -42,12 +41,9 @@ def main():
     for k, data in enumerate(form.seeds):
         (corpus / str(k)).write_bytes(data)
     path = folder / f"input{form.suffix}"
-    printed = os.open(os.devnull, os.O_WRONLY)
 
     def read(data):
         path.write_bytes(data)
-        if not form.is_quiet:
-            os.dup2(printed, 1)
         kind, details = fuzz.judge(form, path)
         if kind not in ("accepted", "refused"):
             raise RuntimeError(f"{kind}: {details}")

@@ -29,7 +29,6 @@ class Format:
     law: Callable[[bytes, Any], None] | None = None  # AssertionError if what was read is not what the file says
     errors: str = "library"  # or "values": a ValueError or FileNotFoundError that says what must be
     warns: str = ""  # words of the only warning there may be
-    is_quiet: bool = True  # readers of other libraries print
 
     @cached_property
     def seeds(self) -> list[bytes]:
@@ -47,7 +46,7 @@ def _surface(suffix, seeds, damage, same=None, law=None):
 
 def _lab(suffix, damage, seeds=None, same=None):
     made = seeds or (lambda: lab.written_by_pymeshlab(suffix))
-    return Format(suffix, made, damage, surfaces.read_surface, same, is_quiet=False)
+    return Format(suffix, made, damage, lab.read_surface_in_child, same)
 
 
 def _ply(order):

@@ -2,15 +2,30 @@
 
 import base64
 import json
+import os
 import re
 import struct
 import tempfile
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import fuzz_mutations as fm
 import numpy as np
-from fuzz_surfaces import row_text, triangles
+from fuzz_surfaces import read_surface, row_text, triangles
+
+
+@cache
+def reader_of(process):
+    """One child of a process for all its inputs: an interpreter for each would cost a second."""
+    from voxkernel._meshlab import MeshlabReader
+
+    return MeshlabReader(seconds=2)
+
+
+def read_surface_in_child(path):
+    with mock.patch("voxkernel._mesh_files.read_with_meshlab", reader_of(os.getpid()).read):
+        return read_surface(path)
 
 
 @cache
