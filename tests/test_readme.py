@@ -19,9 +19,9 @@ SHELL = [text.strip().splitlines() for language, text in BLOCKS if language == "
 
 
 def test_set_up_is_two_commands_and_ci_runs_them():
-    assert SHELL[0] == ["pip install . && voxkernel demo", 'pip install ".[test]" && pytest']
+    assert SHELL[0] == ['pip install ".[all]" && voxkernel demo', 'pip install ".[test]" && pytest']
     ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    for part in ("\npip install . && voxkernel demo", '\npip install ".[test]"\n', "\npytest "):
+    for part in ('\npip install ".[all]" && voxkernel demo', '\npip install ".[test,lint,docs]"\n', "\npytest "):
         assert part in ci
 
 
