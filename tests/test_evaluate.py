@@ -408,7 +408,7 @@ def test_a_folder_that_cannot_be_listed_is_an_item(tmp_path, monkeypatch):
 
 def test_labels_of_a_table_relative_to_a_folder_above(tmp_path, monkeypatch):
     file = tmp_path / "labels.csv"
-    file.write_text("label,file\none,a/x.ply\ntwo,b/x.ply\nlong,data/b/x.ply\nno-file\n")
+    file.write_text("label,file\none,a/x.ply\ntwo,b/x.ply\nlong,data/b/x.ply\n")
     labels = read_labels(file)
     names = ("data/a/x.ply", "/far/a/x.ply", "b/x.ply", "some/data/b/x.ply", "c/x.ply", "aa/x.ply")
     assert [labels.of(n)[0] for n in names] == ["one", "one", "two", "long", None, None]
@@ -417,6 +417,9 @@ def test_labels_of_a_table_relative_to_a_folder_above(tmp_path, monkeypatch):
     assert Labels(None).of("../x.ply") == (tmp_path.name, None)
     file.write_bytes(b"file,label\n\xe9,x\n")
     with pytest.raises(ValueError, match="`labels` must be text in UTF-8; got"):
+        read_labels(file)
+    file.write_text("label,file\none,x.ply\nno-file\n")
+    with pytest.raises(ValueError, match=r"`labels` must have a file and a label in every row; got '.*', line 3"):
         read_labels(file)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
 import posixpath
@@ -71,6 +70,8 @@ class Labels:
 
 def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
     """Read a CSV with columns `file` and `label`, or take "folders"; None stays None."""
+    import csv
+
     if labels is None:
         return None
     if labels == "folders":
@@ -82,7 +83,12 @@ def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
             reader = csv.DictReader(stream)
             if not {"file", "label"} <= set(reader.fieldnames or ()):
                 raise BadInput(f"`labels` must have columns file and label; got {reader.fieldnames} in '{labels}'")
-            rows = [(row["file"], row["label"]) for row in reader]
+            rows: list[tuple[str, str]] = []
+            for row in reader:
+                if row["file"] is None or row["label"] is None:
+                    where = f"'{labels}', line {reader.line_num}"
+                    raise BadInput(f"`labels` must have a file and a label in every row; got {where}")
+                rows.append((row["file"], row["label"]))
     except UnicodeDecodeError as error:
         raise BadInput(f"`labels` must be text in UTF-8; got '{labels}', {error}") from None
     return Labels({file.replace(os.sep, "/"): label for file, label in rows if file})

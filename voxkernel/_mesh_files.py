@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
-from voxkernel._meshlab import read_with_meshlab
 from voxkernel._obj import parse_obj
 from voxkernel._off import parse_off
 from voxkernel._ply import Polygons, format_ply, parse_ply
@@ -43,6 +42,8 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
     if empty:
         raise MeshReadError(f"'{file}' cannot be read: the file is empty")
     if suffix not in parsers:
+        from voxkernel._meshlab import read_with_meshlab
+
         vertices, faces = read_with_meshlab(file)
         return Polygons(vertices, faces.reshape(-1), np.full(len(faces), 3))
     try:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,10 @@ from voxkernel._cells_medit import parse_medit
 from voxkernel._input_file import input_file
 from voxkernel._mesh_files import read_polygons
 from voxkernel._ply import ranges
-from voxkernel._vtu import VtuPiece, parse_vtu
 from voxkernel.errors import MeshReadError
+
+if TYPE_CHECKING:
+    from voxkernel._vtu import VtuPiece
 
 __all__ = ["RawCells", "is_cell_folder", "join_cells", "read_cells"]
 
@@ -175,6 +177,8 @@ def _standard_cells(
 
 def _parse_vtu(data: bytes) -> RawCells:
     """Cells of all pieces in the order of the file; those without a volume are passed over."""
+    from voxkernel._vtu import parse_vtu
+
     parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
     points: list[NDArray[np.float64]] = []
     n = 0

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import combinations
-from multiprocessing import get_context
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from voxkernel._checks import as_depth
 from voxkernel.errors import VoxKernelError
 from voxkernel.registration import Registration, prepare_surface, register
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 __all__ = ["PairRegistration", "register_many"]
 
@@ -109,6 +110,9 @@ def register_many(
         known = dict(zip(used, ready, strict=True))
         answers = _in_turn([(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
     else:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
         with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
             ready = _at_once(pool, [(_prepared, (surfaces[i], margin)) for i in used], tick, 0)
             known = dict(zip(used, ready, strict=True))
@@ -165,6 +169,8 @@ def _in_turn(jobs: Sequence[_Job], tick: Callable[[int], None], done: int) -> li
 def _at_once(
     pool: ProcessPoolExecutor, jobs: Sequence[_Job], tick: Callable[[int], None], done: int
 ) -> list[Any]:
+    from concurrent.futures import as_completed
+
     tasks: list[Future[Any]] = [pool.submit(work, *given) for work, given in jobs]
     try:
         for count, _ in enumerate(as_completed(tasks), start=done + 1):

@@ -24,7 +24,7 @@ def reader_of(process):
 
 
 def read_surface_in_child(path):
-    with mock.patch("voxkernel._mesh_files.read_with_meshlab", reader_of(os.getpid()).read):
+    with mock.patch("voxkernel._meshlab.read_with_meshlab", reader_of(os.getpid()).read):
         return read_surface(path)
 
 
