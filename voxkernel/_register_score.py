@@ -15,6 +15,7 @@ from voxkernel._surface_samples import spread_samples
 __all__ = ["ScoredSurface", "surface_score"]
 
 _SAMPLES = 2000
+_FAR = 1e6  # times the size of the pair
 _FACING = 0.5  # cosine between the normals of a point and of the triangle next to it
 
 
@@ -34,10 +35,18 @@ class ScoredSurface:
         )
 
     def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Give the distance from points to the triangles, and the triangle next to each."""
-        found = self.scene.compute_closest_points(open3d().core.Tensor(points.astype(np.float32)))
-        ids = found["primitive_ids"].numpy().astype(np.int64)
-        return np.linalg.norm(points - _closest(points, self.corners[ids]), axis=1), ids
+        """Give the distance from points to the triangles, and the triangle next to each; infinite where none is near.
+
+        A motion of needles can send points so far away that single precision finds no triangle at all.
+        """
+        distances, ids = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
+        near = np.flatnonzero((np.abs(points) < _FAR).all(axis=1))
+        if len(near):
+            points = points[near]
+            found = self.scene.compute_closest_points(open3d().core.Tensor(points.astype(np.float32)))
+            ids[near] = found["primitive_ids"].numpy()
+            distances[near] = np.linalg.norm(points - _closest(points, self.corners[ids[near]]), axis=1)
+        return distances, ids
 
     def distances_to(
         self, other: ScoredSurface, motion: NDArray[np.float64]

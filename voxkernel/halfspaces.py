@@ -24,6 +24,7 @@ IntegerPlane = tuple[int, int, int, int]
 
 _EXPLICIT_ERROR = 32 * 2.0**-53
 _LARGEST = 2.0**200
+_THINNEST = 2.0**-300
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -221,7 +222,7 @@ class HalfSpaces:
 
     def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
         """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
-        rows = _as_plane_rows(normals, offsets)
+        rows = _as_plane_rows(normals, offsets, most=16 * _LARGEST)  # of a ball around the largest of surfaces
         return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
 
     def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -358,7 +359,7 @@ def as_halfspaces(surface: Any, *, facets: Any = None) -> HalfSpaces:
     return HalfSpaces.from_mesh(as_mesh(surface, facets=facets))
 
 
-def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
+def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = _LARGEST) -> NDArray[np.float64]:
     normal_array = as_points("normals", normals)
     offset_array = np.array(offsets, dtype=np.float64)
     if offset_array.shape != (len(normal_array),):
@@ -369,9 +370,10 @@ def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64
     if zero.size:
         raise ValueError(f"`normals` must not be zero; got a zero normal in row {zero[0]}")
     rows = np.column_stack([normal_array, offset_array])
-    far = np.flatnonzero(~(np.abs(_unit_rows(rows)[1]) <= _LARGEST))
+    far = np.flatnonzero(~(np.abs(_unit_rows(rows)[1]) <= most))
     if far.size:
-        raise ValueError(f"`offsets` must be at most 2**200 times the length of their normal; got row {far[0]} beyond")
+        limit = f"2**{frexp(most)[1] - 1} times the length of their normal"
+        raise ValueError(f"`offsets` must be at most {limit}; got row {far[0]} beyond")
     return rows
 
 
@@ -402,6 +404,12 @@ def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[N
         raise MeshError(
             "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
             f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
+        )
+    thin = [v - u for u, v in zip(lower, upper, strict=True) if 0.0 < v - u < span * _THINNEST]
+    if thin:
+        raise MeshError(
+            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans of "
+            f"{thin[0]:.3g} and {span:.3g} (rescale first)"
         )
     origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
     square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))

@@ -17,6 +17,8 @@ from voxkernel.polytope import KernelPolytope
 
 __all__ = ["KernelPoints", "kernel_points"]
 
+_MOST_CUBES = 256  # cubes tried for each point that is wanted
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class KernelPoints:
@@ -159,6 +161,10 @@ def _fill(kernel: KernelPolytope, count: int) -> tuple[NDArray[np.float64], NDAr
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     offsets = np.einsum("ij,ij->i", normals, corners[:, 0])
     step = (kernel.volume / count) ** (1.0 / 3.0)
+    # Of a kernel that is thin in one direction or two, cubes of that volume would be more than there is memory for.
+    step = max(step, float((high - low).max()) / (_MOST_CUBES * count))
+    while np.prod(np.maximum(1.0, np.ceil((high - low) / step))) > _MOST_CUBES * count:
+        step *= 1.25
     found = np.empty((0, 3))
     for _ in range(8):
         numbers = np.maximum(1, np.ceil((high - low) / step)).astype(np.int64)
@@ -172,6 +178,8 @@ def _fill(kernel: KernelPolytope, count: int) -> tuple[NDArray[np.float64], NDAr
         if len(found) * 4 >= count:
             break
         step *= 0.6
+        if np.prod(np.maximum(1.0, np.ceil((high - low) / step))) > _MOST_CUBES * count:
+            break
     if not len(found):
         found = np.zeros((1, 3))
     return kernel.centroid + found @ axes.T, np.full(len(found), kernel.volume / len(found))

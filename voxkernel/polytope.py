@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
 from voxkernel._clipping import is_bounded, is_cut
-from voxkernel._shape import rational_shape, solid_shape
+from voxkernel._shape import Shape, rational_shape, solid_shape
 from voxkernel.certificate import Certificate, certify, certify_unclipped
 from voxkernel.domain import Domain, as_domain, ball_domain
 from voxkernel.errors import MeshError
@@ -21,6 +21,9 @@ from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh_input import as_mesh
 
 __all__ = ["KernelPolytope", "exact_kernel", "kernel_of_halfspaces", "resolve_surface"]
+
+# Above what a number below the normal range of doubles loses, several times over.
+_LEAST = 2.0**-1070
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -258,9 +261,18 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
         is_bounded=not cut or is_bounded(halfspaces),
         unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
         max_residual=shape.residual * scale,
-        volume_bounds=(volume * max(0.0, 1.0 - shape.rounding), volume * (1.0 + shape.rounding)),
+        volume_bounds=_volume_bounds(shape, scale) if inside.dimension == 3 else (0.0, 0.0),
         **clip,
     )
+
+
+def _volume_bounds(shape: Shape, scale: float) -> tuple[float, float]:
+    """Bounds that hold where the volume is too small or too large for a double with all its digits, too."""
+    lower, upper = (
+        max(0.0, shape.volume * (1.0 - shape.rounding) - _LEAST) * scale**3,
+        (shape.volume * (1.0 + shape.rounding) + _LEAST) * scale**3,
+    )
+    return max(0.0, float(np.nextafter(lower, -np.inf))), float(np.nextafter(upper, np.inf))
 
 
 def _empty_kernel(**facts: Any) -> KernelPolytope:
