@@ -60,7 +60,8 @@ begin = time.process_time()
 import voxkernel
 ready = time.process_time()
 voxkernel.exact_kernel(([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
-print(json.dumps({"import beyond NumPy": ready - begin, "first exact_kernel(tetrahedron)": time.process_time() - ready}))
+end = time.process_time()
+print(json.dumps({"import beyond NumPy": ready - begin, "first exact_kernel(tetrahedron)": end - ready}))
 """
 
 
@@ -78,7 +79,8 @@ def once(folder, work):
     """Seconds of everything, in one version."""
     seconds = json.loads(run(["-c", CALLS, str(HERE / "tests"), "3"], folder, work)[0])
     seconds |= json.loads(run(["-c", FIRST], folder, work)[0])
-    seconds["voxkernel score, 10k facets"] = run(["-m", "voxkernel.cli.main", "score", "ball.ply", "-q"], folder, work)[1]
+    score = ["-m", "voxkernel.cli.main", "score", "ball.ply", "-q"]
+    seconds["voxkernel score, 10k facets"] = run(score, folder, work)[1]
     return seconds
 
 
