@@ -7,6 +7,8 @@ import subprocess
 import sys
 import threading
 import time
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,3 +210,28 @@ def test_command(tmp_path, rough_file, threads, after):
     assert child.returncode == 130, err[-2000:]
     assert "voxkernel: error: interrupted" in err
     assert not list(tmp_path.iterdir())
+
+
+# The console script that pip makes of `project.scripts`, interrupted when a module of the library is looked for.
+STARTING = """
+import signal, sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {name!r}:
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+sys.argv = ["voxkernel", "info", "none.ply"]
+from {module} import {function}
+sys.exit({function}())
+"""
+
+
+@pytest.mark.parametrize("name", ["voxkernel", "numpy", "voxkernel.evaluate", "voxkernel.cli.main"])
+def test_console_script_that_is_still_importing(tmp_path, name):
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module, _, function = project["scripts"]["voxkernel"].partition(":")
+    code = STARTING.format(name=name, module=module, function=function)
+    env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=tmp_path, timeout=HANG, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "voxkernel: error: interrupted\n")
