@@ -1,6 +1,10 @@
-"""The cluster of an evaluation: who can reach it. What it does when workers die is in `faults/`."""
+"""The cluster of an evaluation: who can reach it, and that workers come back. The rest about those is in `faults/`."""
 
 import asyncio
+import os
+import signal
+import sys
+import time
 import urllib.error
 import urllib.request
 
@@ -62,3 +66,21 @@ def test_it_has_no_pages(cluster):
             with pytest.raises(urllib.error.HTTPError, match="404") as caught:
                 urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=30)
             caught.value.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_killed_worker_comes_back_however_long_it_takes():
+    """Dask closes the nanny of a worker that is not back in time, which on a busy machine it may not be."""
+    from dask import config
+
+    with (
+        config.set({"distributed.deploy.lost-worker-timeout": "10ms"}),
+        connected(EvaluateSettings(workers=1), 1) as cluster,
+    ):
+        for _ in range(2):
+            before = cluster.workers()
+            os.kill(next(iter(cluster.client.run(os.getpid).values())), signal.SIGKILL)
+            end = time.monotonic() + 90
+            while cluster.workers() <= before and time.monotonic() < end:
+                time.sleep(0.05)
+            assert len(cluster.workers() - before) == 1

@@ -111,6 +111,46 @@ def test_summary_counts_what_is_in_the_table(run, rng, tmp_path):
     assert "curve" not in labels["roc"][0]["scores"]["ratio"]
 
 
+def tell_left_out(run, left_out):
+    (run / "settings.json").write_text(json.dumps({"left_out": left_out}))
+
+
+def test_files_left_out_are_told_wherever_the_run_tells(run, rng, tmp_path):
+    write_run(run, [surface_row("a.ply", rng)])
+    assert write_report(run, tmp_path / "s.json")["left_out"] is None  # an older run
+    assert "left out by suffix" not in html_of(run, tmp_path)
+    tell_left_out(run, {})
+    assert write_report(run, tmp_path / "s.json")["left_out"] == []
+    assert "left out by suffix" not in html_of(run, tmp_path)
+    tell_left_out(run, {"": 1, ".txt": 2000, ".<b>": 1})
+    summary = write_report(run, tmp_path / "s.md")
+    assert summary["left_out"] == [{"suffix": s, "n": n} for s, n in ((".txt", 2000), ("", 1), (".<b>", 1))]
+    told = "2,002 files left out by suffix: 2,000 {}, 1 without suffix, 1 {}."
+    assert told.format("`.txt`", "<code>.&#60;b&#62;</code>") in (tmp_path / "s.md").read_text()
+    page = html_of(run, tmp_path)
+    assert told.format(".txt", ".<b>") in Page(page).text
+    tell_left_out(run, {f".{k}": 1 for k in range(10)})
+    write_report(run, tmp_path / "s.md")
+    assert "10 files left out by suffix: " in (tmp_path / "s.md").read_text()
+    assert ", 2 others." in (tmp_path / "s.md").read_text()
+
+
+@pytest.mark.parametrize("left_out", [3, [".txt"], {".txt": "2"}, {".txt": -1}, {".txt": True}])
+def test_left_out_files_that_cannot_be_counted(run, rng, tmp_path, left_out):
+    write_run(run, [surface_row("a.ply", rng)])
+    tell_left_out(run, left_out)
+    with pytest.raises(ValueError, match=r"`left_out` in the settings of '.*run' must be a number of files for each"):
+        write_report(run, tmp_path / "s.md")
+
+
+def test_damaged_settings_are_one_line(run, rng, tmp_path, command):
+    write_run(run, [surface_row("a.ply", rng)])
+    (run / "settings.json").write_text("[" * 100_000)
+    code, _, err = command("report", run, "-o", tmp_path / "a.md")
+    assert (code, err.count("\n")) == (1, 1)
+    assert "settings.json' must be the settings of a run" in err
+
+
 def test_failures_come_before_anything_else(run, rng, tmp_path):
     rows = [surface_row(f"{i}.ply", rng) for i in range(9)]
     write_run(run, [*rows, failed_row("broken.ply", "truncated: 3 of 9 vertices"), failed_row("b2.ply", "timeout")])

@@ -19,8 +19,8 @@ from voxkernel.errors import SolverError
 
 __all__ = ["Cluster", "connected"]
 
-# A worker that dies takes one task with it; memory is not spilled, and a busy worker not given up. No pages: they have
-# no password.
+# A worker that dies takes one task with it; memory is not spilled, and a busy worker not given up, nor one that is slow
+# to come back: after the 15 s that Dask gives it, its nanny would be closed. No pages: they have no password.
 _CONFIG: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
@@ -32,6 +32,7 @@ _CONFIG: dict[str, Any] = {
     "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.limit": "1h",
+    "distributed.deploy.lost-worker-timeout": "1000 days",
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from voxkernel._report_rows import CELL_SCORES, OUTCOMES, SCORES
-from voxkernel._report_text import code_span, count, number, percent
+from voxkernel._report_text import code_span, count, left_out_text, number, percent
 
 __all__ = ["render_markdown"]
 
@@ -16,7 +16,7 @@ _MOST_FILES = 20
 def render_markdown(summary: dict[str, Any], *, title: str) -> str:
     """Write summary, failures, labels and the worst rows; every name and reason as code."""
     parts = [f"## voxkernel report: {code_span(title)}", _counts(summary)]
-    for section in (_failures, _proofs, _labels, _scores, _worst):
+    for section in (_left_out, _failures, _proofs, _labels, _scores, _worst):
         text = section(summary)
         if text:
             parts.append(text)
@@ -28,6 +28,11 @@ def _counts(summary: dict[str, Any]) -> str:
     counts, n = summary["counts"], summary["n_rows"]
     cells = [f"{count(counts[name])} ({percent(counts[name], n)})" for name in OUTCOMES]
     return _table(("rows", *OUTCOMES), [(count(n), *cells)], right=5)
+
+
+def _left_out(summary: dict[str, Any]) -> str:
+    text = left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()], code_span)
+    return f"{text}." if text else ""
 
 
 def _failures(summary: dict[str, Any]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from voxkernel import _report_charts as charts
 from voxkernel._report_pictures import Pictures
 from voxkernel._report_rows import CELL_SCORES, SCORES, ReportRows
-from voxkernel._report_text import count, json_block, number, one_line, percent, readable, shorten
+from voxkernel._report_text import count, json_block, left_out_text, number, one_line, percent, readable, shorten
 
 __all__ = ["render_page", "shape_name"]
 
@@ -110,7 +110,7 @@ def render_page(
         classes=list(charts.CLASS_OF.values()), scores=charts.score_charts(rows),
         profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
         boxes=charts.boxes(summary["labels"]), gallery=[_card(rows, pictures, i, shared) for i in chosen],
-        folder=shared,
+        folder=shared, left_out=left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()]),
         views_left_out=pictures.views_left_out, pictures_note=_pictures_note(pictures), css=read("report.css"),
         scripts=scripts, script_hashes=" ".join(_hash(script) for script in scripts),
         rows_json=json_block(table_data(rows, pictures)), pictures_json=json_block(pictures.thumbnails),

@@ -14,14 +14,30 @@ from voxkernel._report_labels import label_summary, labels_of
 from voxkernel._report_rows import CELL_SCORES, OUTCOMES, SCORES, ReportRows, worst_first
 from voxkernel._report_statistics import quantiles, spearman
 
-__all__ = ["summarize"]
+__all__ = ["read_left_out", "summarize"]
 
 _LEVELS = 8  # of nested lists and mappings in settings and versions
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _BAND = (0.1, 0.25, 0.5, 0.75, 0.9)
 
 
-def summarize(rows: ReportRows, *, run: str, n_worst: int, star_labels: Sequence[str] | None) -> dict[str, Any]:
+def read_left_out(run: str) -> list[tuple[str, int]] | None:
+    """Read which suffixes the last evaluation left out, the most frequent first; None if it does not tell."""
+    from voxkernel._rows import read_settings
+
+    found = read_settings(run).get("left_out")
+    if found is None:
+        return None
+    if not isinstance(found, dict) or not all(type(n) is int and n > 0 for n in found.values()):
+        wrong = f"`left_out` in the settings of '{run}' must be a number of files for each suffix"
+        raise ValueError(f"{wrong}; got {repr(found)[:80]}")
+    return sorted(found.items(), key=lambda item: (-item[1], item[0]))
+
+
+def summarize(
+    rows: ReportRows, *, run: str, left_out: Sequence[tuple[str, int]] | None, n_worst: int,
+    star_labels: Sequence[str] | None,
+) -> dict[str, Any]:  # fmt: skip
     """Say everything about a run that does not need its pictures."""
     from voxkernel import __version__
 
@@ -33,6 +49,7 @@ def summarize(rows: ReportRows, *, run: str, n_worst: int, star_labels: Sequence
         "n_rows": rows.n,
         "n_files": len(set(rows.texts["file"])),
         "n_cells": int(cells.sum()),
+        "left_out": None if left_out is None else [{"suffix": suffix, "n": n} for suffix, n in left_out],
         "counts": {name: counts.get(name, 0) for name in OUTCOMES},
         "failures": _failures(rows),
         "certificates": _certificates(rows),

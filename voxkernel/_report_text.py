@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["code_span", "count", "json_block", "number", "one_line", "percent", "plain", "readable", "shorten"]
+__all__ = [
+    "code_span", "count", "json_block", "left_out_text", "number", "one_line", "percent", "plain", "readable",
+    "shorten",
+]  # fmt: skip
 
+_SUFFIXES = 8  # named
 _TAME = re.compile(r"[A-Za-z0-9._/ -]+")
 
 
@@ -66,6 +70,18 @@ def plain(value: Any) -> Any:
 def number(value: float | None, digits: int = 4) -> str:
     """Format a number; a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def left_out_text(counts: Sequence[tuple[str, int]], show: Callable[[str], str] = readable) -> str:
+    """Say how many files were no meshes by their suffix; "" if none were."""
+    if not counts:
+        return ""
+    named = [f"{count(n)} {show(suffix) if suffix else 'without suffix'}" for suffix, n in counts[:_SUFFIXES]]
+    rest = sum(n for _, n in counts[_SUFFIXES:])
+    if rest:
+        named.append(f"{count(rest)} others")
+    total = sum(n for _, n in counts)
+    return f"{count(total)} {'file' if total == 1 else 'files'} left out by suffix: {', '.join(named)}"
 
 
 def count(value: int) -> str:

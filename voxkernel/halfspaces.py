@@ -90,8 +90,22 @@ class HalfSpaces:
         Raises
         ------
         MeshError
-            If no facet has an area.
+            If no facet has an area, or the axes span too much or too little for doubles.
         """
+        low, high, _ = coordinate_range(mesh.vertices)
+        _local_frame(low, high)
+        spans = (high - low).tolist()
+        thin = [v for v in spans if 0.0 < v < max(spans) * _THINNEST]
+        if thin:
+            raise MeshError(
+                "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
+                f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
+            )
+        return cls._from_any_spans(mesh)
+
+    @classmethod
+    def _from_any_spans(cls, mesh: TriangleMesh) -> HalfSpaces:
+        """The same where the spans of the axes may differ without limit: for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
         low, high, smallest = coordinate_range(vertices, faces)
@@ -404,12 +418,6 @@ def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[N
         raise MeshError(
             "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
             f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
-        )
-    thin = [v - u for u, v in zip(lower, upper, strict=True) if 0.0 < v - u < span * _THINNEST]
-    if thin:
-        raise MeshError(
-            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans of "
-            f"{thin[0]:.3g} and {span:.3g} (rescale first)"
         )
     origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
     square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))

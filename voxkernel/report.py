@@ -33,8 +33,8 @@ def write_report(
     Parameters
     ----------
     run : str or os.PathLike
-        Folder or URL that `evaluate` wrote. Its table is read, and the thumbnails and views the table names; never
-        a mesh.
+        Folder or URL that `evaluate` wrote. Its table is read, the thumbnails and views the table names, and which
+        files were left out, from `settings.json`; never a mesh.
     path : str or os.PathLike
         File to write.
     format : {"html", "markdown", "json"}, optional
@@ -59,7 +59,8 @@ def write_report(
     Raises
     ------
     ValueError
-        If the format is unknown, a count is negative, or a star label is not in the run.
+        If the format is unknown, a count is negative, a star label is not in the run, or its table or
+        `settings.json` is damaged.
     FileNotFoundError
         If there is no run, or no folder for the report.
     OSError
@@ -89,11 +90,12 @@ def write_report(
             raise ValueError(f"`{name}` must be 0 or more; got {value}")
     if not target.absolute().parent.is_dir():
         raise FileNotFoundError(f"`path` must be in an existing folder; got '{target}'")
-    from voxkernel._report_summary import summarize
+    from voxkernel._report_summary import read_left_out, summarize
 
     where = os.fspath(run)
     rows = load_rows(where)
-    summary = summarize(rows, run=where, n_worst=n_worst, star_labels=star_labels)
+    left_out = read_left_out(where)
+    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels)
     heading = title if title is not None else _name_of(where)
     document = _document(summary)
     if kind == "json":

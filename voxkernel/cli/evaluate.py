@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from typing import Any
 
 from voxkernel.cli.output import UsageError, display, say
@@ -22,8 +21,6 @@ EXAMPLES = (
     "voxkernel evaluate s3://bucket/meshes -o s3://bucket/run --scheduler tcp://10.0.0.1:8786",
     "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
 )
-
-_SUFFIXES = 8  # named in the summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate, with progress on stderr."""
     from voxkernel._evaluate_inputs import BadInput
     from voxkernel._evaluate_progress import shown
+    from voxkernel._report_text import left_out_text
     from voxkernel.evaluate import evaluate
 
     settings = _settings(args)
@@ -72,18 +70,9 @@ def run(args: argparse.Namespace) -> int:
         say(f"no mesh for {len(result.unmatched_labels) - 10} more labels", quiet=args.quiet)
     before = f", {result.n_reused} from an earlier run" if result.n_reused else ""
     counts = f"{result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}"
-    print(f"{display(args.output)}: {counts}{_left_out(result.left_out)}")
+    left_out = left_out_text(result.left_out)
+    print(f"{display(args.output)}: {counts}{'; ' if left_out else ''}{left_out}")
     return 1 if result.n_failed else 0
-
-
-def _left_out(counts: Sequence[tuple[str, int]]) -> str:
-    """Say how many files were no meshes by their suffix."""
-    if not counts:
-        return ""
-    shown = [f"{n} {display(suffix) or 'without suffix'}" for suffix, n in counts[:_SUFFIXES]]
-    rest = sum(n for _, n in counts[_SUFFIXES:])
-    total = sum(n for _, n in counts)
-    return f"; {total} files left out by suffix: {', '.join([*shown, *([f'{rest} others'] if rest else [])])}"
 
 
 def _settings(args: argparse.Namespace) -> Any:
