@@ -440,6 +440,10 @@ def test_a_damaged_part_is_named(tmp_path):
     (tmp_path / "rows" / "part-1.parquet").write_bytes(b"PAR1")
     with pytest.raises(ValueError, match=r"part-1\.parquet' must be a part of a run; got"):
         _rows.read_rows(str(tmp_path))
+    rows = [{"file": "a.ply", "status": "ok"}, {"status": "ok"}]
+    pq.write_table(_rows.to_table(rows), tmp_path / "rows" / "part-1.parquet")
+    with pytest.raises(ValueError, match=r"part-1\.parquet' must be a part of a run; got 1 rows that name no file"):
+        _rows.read_rows(str(tmp_path))
 
 
 def test_files_left_out_are_counted_by_suffix(tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ import os
 import re
 import stat
 import struct
+import sys
 import zipfile
 import zlib
 from typing import Any
@@ -99,6 +100,10 @@ class NpzArrays:
             data = stream.read()
         if len(data) != n_bytes:
             raise ValueError(f"{name!r} ends after {len(data)} of {n_bytes} bytes")
+        if dtype.kind == "U":
+            points = np.frombuffer(data, np.dtype("u4").newbyteorder(dtype.byteorder))
+            if ((points > sys.maxunicode) | ((points >= 0xD800) & (points < 0xE000))).any():
+                raise ValueError(f"{name!r} holds numbers that are no characters")
         return np.frombuffer(data, dtype).reshape(shape, order="F" if is_fortran else "C")
 
     def text(self, name: str) -> str:

@@ -180,6 +180,9 @@ def _read_table(pq: Any, fs: Any, name: str) -> Any:
             table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
             for f in wanted
         ]
+        unnamed = columns[COLUMNS.index("file")].null_count
+        if unnamed:
+            raise ValueError(f"{unnamed} rows that name no file")
     except (pa.ArrowException, OSError, ValueError, MemoryError, RecursionError) as error:
         reason = " ".join(str(error).split())[:300] or type(error).__name__
         raise ValueError(f"'{name}' must be a part of a run; got {reason}") from error
