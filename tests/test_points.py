@@ -8,6 +8,15 @@ from voxkernel import exact_kernel, kernel_points, voxel_kernel
 from voxkernel._surface_samples import spread_samples
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_axes_of_inertia_may_be_a_reflection(seed):
+    """Half of all rotations give such axes; the cubes inside are found all the same."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = shapes.box((0, 0, 0), (1, 2, 3))
+    points = kernel_points(exact_kernel((shapes.moved(vertices, shapes.random_rotation(rng)), faces)), n_points=500)
+    assert 0.2 * 500 < len(points.interior) < 1.5 * 500
+
+
 @pytest.mark.parametrize("make", [shapes.l_prism, shapes.tetrahedron, shapes.star_prism, shapes.spiky])
 def test_points_of_a_solid(make):
     kernel = exact_kernel(make())

@@ -241,7 +241,7 @@ def _solve_exactly(mesh: PolyhedralMesh, i: int, rtol: float, found: _Answers) -
         if enclosed < 0:
             return "inside out: the faces enclose a negative volume"
         with np.errstate(over="ignore", invalid="ignore"):  # too large a cell is refused by its numbers
-            planes = HalfSpaces._from_any_spans(surface)
+            planes = HalfSpaces._from_spans(surface, 0.0)
         kernel = kernel_of_halfspaces(planes, None)
         volume = float(enclosed)
         if volume < _SMALLEST or (kernel.dimension == 3 and not _has_numbers(kernel, planes.scale)):

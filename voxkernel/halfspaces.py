@@ -92,24 +92,16 @@ class HalfSpaces:
         MeshError
             If no facet has an area, or the axes span too much or too little for doubles.
         """
-        low, high, _ = coordinate_range(mesh.vertices)
-        _local_frame(low, high)
-        spans = (high - low).tolist()
-        thin = [v for v in spans if 0.0 < v < max(spans) * _THINNEST]
-        if thin:
-            raise MeshError(
-                "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
-                f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
-            )
-        return cls._from_any_spans(mesh)
+        return cls._from_spans(mesh, _THINNEST)
 
     @classmethod
-    def _from_any_spans(cls, mesh: TriangleMesh) -> HalfSpaces:
-        """The same where the spans of the axes may differ without limit: for callers that check what becomes of it."""
+    def _from_spans(cls, mesh: TriangleMesh, thinnest: float) -> HalfSpaces:
+        """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
         low, high, smallest = coordinate_range(vertices, faces)
         origin, scale = _local_frame(low, high)
+        _check_spans((high - low).tolist(), thinnest)
         bits = _bits_of(smallest)
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
@@ -422,6 +414,15 @@ def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[N
     origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
     square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))
     return np.array(origin), _power_of_two(sqrt(square) * (1 + 1e-12))
+
+
+def _check_spans(spans: list[float], thinnest: float) -> None:
+    thin = [v for v in spans if 0.0 < v < max(spans) * thinnest]
+    if thin:
+        raise MeshError(
+            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
+            f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
+        )
 
 
 def _lattice_bits(values: NDArray[np.float64]) -> int:

@@ -154,6 +154,8 @@ def _of_segment(vertices: NDArray[np.float64], count: int) -> tuple[NDArray[np.f
 def _fill(kernel: KernelPolytope, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Take the centres of cubes that lie in the polytope, and share its volume among them."""
     _, axes = np.linalg.eigh(kernel.inertia)
+    if np.linalg.det(axes) < 0.0:  # a reflection would turn the faces inside out
+        axes[:, 0] = -axes[:, 0]
     local = (kernel.vertices - kernel.centroid) @ axes
     low, high = local.min(axis=0), local.max(axis=0)
     rows = kernel.to_mesh()
