@@ -88,7 +88,7 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
         return
     ends: dict[str, tuple[int, bool]] = {}
     n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
-    with _quiet(), scratch_folder() as folder, config.set(_CONFIG, **{"temporary-directory": folder}):
+    with _quiet(), scratch_folder() as folder, config.set({**_CONFIG, "temporary-directory": folder}):
         options: dict[str, Any] = {"dashboard_address": None, "env": _ENVIRONMENT, "local_directory": folder}
         options |= {"protocol": "tls://", "security": Security.temporary()}
         options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
