@@ -45,7 +45,8 @@ def test_zig_where_there_is_none_or_a_stub(backend, monkeypatch, tmp_path):
     assert [r.partition(">")[0] for r in backend.zig_requirements()] == ["ziglang"]
     with backend.compiler({"cmake.define.CMAKE_AR": "mine"}) as settings:
         script = Path(os.environ["CXX"])
-        assert f'"{sys.executable}" -m ziglang c++ -mcpu=baseline "$@"' in script.read_text()
+        words = "c++ -mcpu=baseline -O3 -s -fno-sanitize=undefined"
+        assert f'"{sys.executable}" -m ziglang {words} "$@"' in script.read_text()
         assert os.access(script, os.X_OK)
         assert settings["cmake.define.CMAKE_AR"] == "mine"
         assert Path(settings["cmake.define.CMAKE_RANLIB"]).exists()

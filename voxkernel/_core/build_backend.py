@@ -33,8 +33,10 @@ __all__ = [
 Settings = dict[str, str | list[str]]
 ZIG = "ziglang>=0.13"
 COMPILERS = ("c++", "g++", "clang++")
-# Zig compiles for the processor it runs on unless told otherwise; pip may carry the wheel to another one.
-ZIG_TOOLS = {"c++": "c++ -mcpu=baseline", "ar": "ar", "ranlib": "ranlib"}
+# Zig compiles for the processor it runs on unless told otherwise; pip may carry the wheel to another one. It builds its
+# C++ library at the first link, two minutes of work, and once more for each mode: these words give CMake's test of the
+# compiler the mode of the module, optimised and stripped, without traps for undefined behaviour.
+ZIG_TOOLS = {"c++": "c++ -mcpu=baseline -O3 -s -fno-sanitize=undefined", "ar": "ar", "ranlib": "ranlib"}
 
 
 def has_compiler() -> bool:
