@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -265,7 +266,8 @@ def test_faults_at_random_moments(tmp_path, script, number):
         time.sleep(dice.uniform(0.0, 2.5))
         for fault in [*dice.choices(GOES_ON, k=dice.randrange(3)), dice.choice(ENDS)]:
             children += descendants(process)
-            fault(process, dice)
+            with suppress(ProcessLookupError):  # it has come to its end
+                fault(process, dice)
             time.sleep(dice.uniform(0.0, 0.3))
         before = stored(run)
         _, err = process.communicate(timeout=300)
