@@ -32,13 +32,14 @@ inline std::int32_t cell(double value) {
   return static_cast<std::int32_t>(whole > near ? whole - 1.0 : whole);
 }
 
-// 21 bits with two zero bits between them.
-inline Index spread(Index value) {
+// 21 bits with two zero bits between them. Unsigned, since bits are shifted out at the top.
+inline Index spread(Index bits) {
+  auto value = static_cast<std::uint64_t>(bits);
   value = (value | (value << 32)) & 0x1F00000000FFFF;
   value = (value | (value << 16)) & 0x1F0000FF0000FF;
   value = (value | (value << 8)) & 0x100F00F00F00F00F;
   value = (value | (value << 4)) & 0x10C30C30C30C30C3;
-  return (value | (value << 2)) & 0x1249249249249249;
+  return static_cast<Index>((value | (value << 2)) & 0x1249249249249249);
 }
 
 // The last run that begins at or before a code, 0 where none does; there must be a run.
