@@ -82,7 +82,7 @@ bool holds(Points normals, Doubles offsets, const Foot& foot, const Index* worki
 // At most three planes hold the answer. The most violated plane joins them, the best subset that
 // contains it stays: the distance grows with every round, so no subset comes twice.
 bool nearest_point(Points normals, Doubles offsets, const double* z, double tolerance, double* y, Stop& stop) {
-  Index working[3];
+  Index working[3] = {-1, -1, -1};
   int n = 0;
   std::copy_n(z, 3, y);
   for (int round = 0; round < kRounds; ++round) {
