@@ -1,6 +1,6 @@
 """Which cell covers a voxel: binary search along the Morton curve, or a table where the grid is compact."""
 
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,12 +78,12 @@ def voxels_in(
     """Which voxels (n, 3) are active."""
     if voxels.dtype not in (np.dtype(np.int32), np.dtype(np.int64)):
         voxels = voxels.astype(np.int64)
-    voxels = np.ascontiguousarray(voxels)
+    given = cast("NDArray[np.int64]", np.ascontiguousarray(voxels))  # or int32: the core takes both
     active = np.empty(len(voxels), dtype=np.bool_)
     if table is None:
-        voxels_in_runs(voxels, REACH, *cells, masks, active)
+        voxels_in_runs(given, REACH, *cells, masks, active)
     else:
-        voxels_in_table(voxels, *table, active)
+        voxels_in_table(given, *table, active)
     return active
 
 

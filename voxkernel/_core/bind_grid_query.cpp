@@ -11,7 +11,8 @@ using Row = Array1<const std::int32_t>;
 using Words = Array1<const std::uint64_t>;
 
 template <typename Voxel>
-void in_table(Array2<const Voxel, 3> voxels, Triple low, Triple shape, Row row, Words words, Array1<bool> active) {
+void in_table(Array2<const Voxel, 3> voxels, Triple low, Triple shape, const Row& row, const Words& words,
+              Array1<bool> active) {
   without_lock(
       [&](Stop& stop) { voxels_in_table(rows(voxels), {low, shape, span(row), span(words)}, span(active), stop); });
 }
@@ -40,7 +41,7 @@ void bind_grid_query(nb::module_& m) {
   m.def(
       "points_in_table",
       [](Array2<const double, 3> points, Array<const double, 3> origin, Array<const double, 3, 3> to_cells, Triple low,
-         Triple shape, Row row, Words words, Array1<bool> active) {
+         Triple shape, const Row& row, const Words& words, Array1<bool> active) {
         without_lock([&](Stop& stop) {
           points_in_table(rows(points), origin.data(), {to_cells.data(), 3}, {low, shape, span(row), span(words)},
                           span(active), stop);
