@@ -89,7 +89,9 @@ bool nearest_point(Points normals, Doubles offsets, const double* z, double tole
     stop.poll(offsets.size());
     const Index at = most_violated(normals, offsets, y, tolerance);
     if (at < 0) return true;
-    if (std::find(working, working + n, at) != working + n) return false;
+    for (int i = 0; i < n; ++i) {
+      if (working[i] == at) return false;
+    }
     Foot best;
     double nearest = std::numeric_limits<double>::infinity();
     for (int mask = 0; mask < 1 << n; ++mask) {
