@@ -16,8 +16,8 @@ const char* arithmetic_fault() {
   // 2^53 + 1 rounds to 2^53 in double, and not in wider registers.
   if ((large + one) - large != 0.0) return "it computes in more than double precision";
   // Loops start minima at infinity, and a comparison with NaN must be false.
-  volatile double zero = 0.0;
-  volatile double none = zero / zero;
+  volatile double zero = 0.0, nothing = 0.0;
+  volatile double none = zero / nothing;
   if (none >= zero || none < zero || !(one / zero > 0x1.fffffffffffffp1023)) return "it knows neither infinity nor NaN";
   volatile double smallest = 0x1p-1074;
   if (smallest * one == 0.0 || smallest + smallest != 0x1p-1073) return "it flushes subnormal numbers to zero";
