@@ -63,6 +63,7 @@ DAMAGED = {
     "pickle": (made(header_of("|O", "(1,)"), pickle.dumps([Fatal()])), "numbers or text"),
     "bare pickle": (pickle.dumps([Fatal()]), "not an array of NumPy"),
     "numbers": (saved([1.0, 2.0]), "must be one text"),
+    "no such number": (made(header_of("<i6", "()"), bytes(6)), "numbers or text; got '<i6'"),
     "no characters": (made(header_of("<U2", "()"), (0x110000).to_bytes(4, "little") * 2), "no characters"),
     "half a pair": (made(header_of("<U2", "()"), (0xD800).to_bytes(4, "little") * 2), "no characters"),
     "nothing": (b"", "not an array of NumPy"),

@@ -129,7 +129,11 @@ def _header(stream: Any, name: str) -> tuple[np.dtype[Any], bool, tuple[int, ...
     shape = tuple(int(n) for n in match[3].replace(b" ", b"").split(b",") if n)
     if len(shape) > 8:
         raise ValueError(f"{name!r} has {len(shape)} axes")
-    return np.dtype(match[1].decode("ascii")), match[2] == b"True", shape, 8 + width + length
+    try:
+        dtype = np.dtype(match[1].decode("ascii"))
+    except TypeError:
+        raise ValueError(f"{name!r} must be an array of numbers or text; got {match[1].decode('ascii')!r}") from None
+    return dtype, match[2] == b"True", shape, 8 + width + length
 
 
 def read_json(text: str | bytes) -> Any:
