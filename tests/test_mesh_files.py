@@ -12,6 +12,7 @@ import shapes
 
 import voxkernel
 from voxkernel._mesh_files import read_polygons
+from voxkernel._text_rows import parse_rows
 from voxkernel.errors import MeshReadError
 
 HEAD = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -179,3 +180,10 @@ def test_what_we_write_we_read(tmp_path, suffix):
     mesh.write(tmp_path / f"a{suffix}")
     again = voxkernel.as_mesh(tmp_path / f"a{suffix}")
     np.testing.assert_allclose(again.vertices[again.faces], mesh.vertices[mesh.faces], atol=1e-7)
+
+
+def test_rows_without_numbers_are_rows():
+    """No warning of NumPy, which asks for data: the reader says what is wrong."""
+    values, width = parse_rows(["", " "])
+    assert len(values) == 0
+    assert width.tolist() == [0, 0]

@@ -60,8 +60,8 @@ def _is_number(word: str) -> bool:
 
 def parse_rows(lines: list[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """All numbers of some lines in a row, correctly rounded, and how many each line holds."""
-    if not lines:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    if not any(line.strip() for line in lines):
+        return np.zeros(0), np.zeros(len(lines), dtype=np.int64)
     try:
         table = np.loadtxt(lines, dtype=np.float64, comments=None, ndmin=2)
         if len(table) == len(lines):

@@ -46,7 +46,7 @@ inline Step step_to_child(int c, double h) { return {c & 4 ? h : -h, c & 2 ? h :
 // A pass may read and write this many planes beyond the end of a list.
 constexpr Index kSlack = 4;
 
-// Pointers into the columns, valid until they grow. The members are what a relaxed octree needs; `Extra` adds others.
+// Pointers into the columns, valid until they grow.
 struct PlaneView {
   double *x, *y, *z, *reach, *value;
   Index* weight;
