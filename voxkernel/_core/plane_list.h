@@ -85,4 +85,27 @@ void weights_of_children(const PlaneView& planes, Index first, Index last, doubl
 // Copies the planes first..last that the cell may cross to `at` and after; returns where they end.
 Index keep_crossing(const PlaneView& planes, Index first, Index last, Index at, Step step);
 
+// The root of an octree is the one child of slot 0, the cube itself; slot l + 1 is a cell of level l.
+inline Step step_to_cube() { return {0.0, 0.0, 0.0, 0.5}; }
+inline double half_edge(int level) { return 0.5 / static_cast<double>(Index{1} << level); }
+
+// Fills what is known of the children of a cell: their sides of the domain, and what they violate up to `most`.
+template <typename Cell>
+void look_at_children(Cell& cell, const PlaneView& p, int slot, Index most, Stop& stop) {
+  stop.poll(8 * (cell.end - cell.begin) + 8);
+  if (slot == 0) {
+    const Step step = step_to_cube();
+    cell.sides[0] = domain_side(p, cell.begin, cell.middle, step);
+    cell.children[0] = weights_of(p, cell.middle, cell.end, step);
+    return;
+  }
+  const double h = half_edge(slot);
+  int wanted = 0;
+  for (int c = 0; c < 8; ++c) {
+    cell.sides[c] = domain_side(p, cell.begin, cell.middle, step_to_child(c, h));
+    if (cell.sides[c] != Side::outside) wanted |= 1 << c;
+  }
+  weights_of_children(p, cell.middle, cell.end, h, most, wanted, cell.children);
+}
+
 }  // namespace voxkernel

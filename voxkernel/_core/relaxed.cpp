@@ -81,27 +81,9 @@ class RelaxedOctree {
     }
   }
 
-  static Step step_to_cube() { return {0.0, 0.0, 0.0, 0.5}; }
-  static double half_edge(int level) { return 0.5 / static_cast<double>(Index{1} << level); }
-
   void look_at_children(int slot) {
     Cell& cell = cells_[slot];
-    const PlaneView p = planes_.view();
-    stop_.poll(8 * (cell.end - cell.begin) + 8);
-    if (slot == 0) {
-      const Step step = step_to_cube();
-      cell.sides[0] = domain_side(p, cell.begin, cell.middle, step);
-      cell.children[0] = weights_of(p, cell.middle, cell.end, step);
-      return;
-    }
-    const double h = half_edge(slot);
-    int wanted = 0;
-    for (int c = 0; c < 8; ++c) {
-      cell.sides[c] = domain_side(p, cell.begin, cell.middle, step_to_child(c, h));
-      if (cell.sides[c] != Side::outside) wanted |= 1 << c;
-    }
-    const Index most = thresholds_.outs[cell.k_high - 1] - cell.violated;
-    weights_of_children(p, cell.middle, cell.end, h, most, wanted, cell.children);
+    voxkernel::look_at_children(cell, planes_.view(), slot, thresholds_.outs[cell.k_high - 1] - cell.violated, stop_);
   }
 
   // Settles the next child of a cell as far as it can be; whether it is to be divided and has become the next cell.
