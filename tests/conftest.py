@@ -20,6 +20,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+# What is tested is the installed package: a child started in the checkout would find the source tree, which has no core.
+os.environ["PYTHONSAFEPATH"] = "1"
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(20261122)

@@ -31,16 +31,18 @@ def imported(folder):
 @pytest.mark.parametrize("has_sources", [True, False])
 def test_missing(tmp_path, has_sources):
     package = copy_without_core(tmp_path)
+    (package / "_core").unlink(missing_ok=True)
+    (package / "_core_check.py").unlink()
+    (package / "_core_check.py").write_bytes((PACKAGE / "_core_check.py").read_bytes())
     if has_sources:  # a folder without code is an empty package to Python
-        (package / "_core").unlink(missing_ok=True)
         (package / "_core").mkdir()
-    else:
-        (package / "_core").unlink(missing_ok=True)
+        (package / "_core" / "CMakeLists.txt").touch()
     done = imported(tmp_path)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith("ImportError: the compiled core `voxkernel._core` cannot be loaded (")
-    assert "`pip install .`" in last
+    advice = f"'{package}' is the source tree: start Python in another folder" if has_sources else "`pip install .`"
+    assert advice in last
 
 
 def test_broken(tmp_path):

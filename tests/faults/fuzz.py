@@ -33,7 +33,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VTK_SMP_MAX_THREADS"):
     os.environ.setdefault(name, "1")  # a process with threads must not be forked
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # the others reserve gigabytes of addresses
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]  # shapes.py, and the checkout itself
+sys.path[:0] = [str(HERE), str(HERE.parent)]  # shapes.py
 
 import numpy as np  # noqa: E402
 from fuzz_formats import FORMATS  # noqa: E402
