@@ -20,7 +20,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-# What is tested is the installed package: a child started in the checkout would find the source tree, which has no core.
+# The installed package is tested: a child started in the checkout would find the source tree, which has no core.
 os.environ["PYTHONSAFEPATH"] = "1"
 
 
