@@ -32,7 +32,7 @@ EXAMPLES = (
 
 def read_run(run: str) -> list[dict[str, Any]]:
     """Read the rows of a run of `voxkernel.evaluate`."""
-    from voxkernel._rows import read_rows
+    from voxkernel.run_table import read_rows
 
     rows = read_rows(run).to_pylist()
     if not rows:

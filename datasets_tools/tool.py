@@ -111,7 +111,7 @@ def read_csv(path: str | os.PathLike[str]) -> list[dict[str, str]]:
 
 
 def _as_written(text: Any) -> Any:
-    from voxkernel._rows import defused
+    from voxkernel.run_table import defused
 
     is_defused = isinstance(text, str) and text.startswith("'") and defused(text[1:]) == text
     return text[1:] if is_defused else text
@@ -128,7 +128,7 @@ def write_csv(path: str | os.PathLike[str], columns: Sequence[str], rows: Iterab
 
 def print_csv(lines: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows to an open file, as `write_csv`."""
-    from voxkernel._rows import csv_line
+    from voxkernel.run_table import csv_line
 
     lines.write(csv_line(columns))
     lines.writelines(csv_line([cell(row.get(name)) for name in columns]) for row in rows)

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from voxkernel import _leaf_bits
-from voxkernel.grid import SparseGrid
+from voxkernel.grid import SparseGrid, leaf_bits
 
 LOW, HIGH = -32, 31  # the box random grids live in, both included
 BOX = [[LOW] * 3, [HIGH] * 3]
@@ -31,7 +30,7 @@ def random_grid(seed, *, has_values=False, n_cells=12, background=0.0):
             log2s.append(log2)
         else:
             leaves.append(corner)
-            masks.append(_leaf_bits.pack(rng.random((1, 8, 8, 8)) < rng.choice([0.0, 0.02, 0.7, 1.0]))[0])
+            masks.append(leaf_bits.pack(rng.random((1, 8, 8, 8)) < rng.choice([0.0, 0.02, 0.7, 1.0]))[0])
     values = {}
     if has_values:
         choice = np.array([0.0, 1.5, -2.0], dtype=np.float32)

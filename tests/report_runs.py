@@ -5,7 +5,7 @@ import zlib
 
 import numpy as np
 
-from voxkernel._rows import open_run, write_bytes, write_part
+from voxkernel.run_table import open_run, write_bytes, write_part
 
 HOSTILE = (
     "<script>alert(1)</script>.ply",

@@ -129,7 +129,7 @@ def test_scripts_import_nothing_private_of_the_library():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("voxkernel._"):
                 assert path.name in ("classify.py", "tool.py")
-                assert node.module == "voxkernel._rows"
+                assert node.module == "voxkernel.run_table"
 
 
 # ---------------------------------------------------------------- make_shapes: truth by formula, library as the oracle

@@ -496,11 +496,11 @@ def test_classify_reads_a_run_and_writes_both_files(evaluated, tmp_path, capsys)
     """Through the table's own format, with a hostile label."""
     from classify import main
 
-    from voxkernel import _rows
+    from voxkernel import run_table
 
     folder, rows, listed = evaluated
-    fs, path = _rows.open_run(str(tmp_path / "run"))
-    _rows.write_part(fs, path, rows)
+    fs, path = run_table.open_run(str(tmp_path / "run"))
+    run_table.write_part(fs, path, rows)
     report = tmp_path / "report.md"
     argv = [str(tmp_path / "run"), "--manifest", str(folder / "manifest.csv")]
     assert main([*argv, "-o", str(report), "--title", "Shapes"]) == 0

@@ -24,10 +24,10 @@ READERS = {
 
 CODE = """
 import sys, voxkernel
-from voxkernel._evaluate_inputs import Item, content_hash, read_labels
-from voxkernel._rows import read_parts
+from voxkernel.evaluation.inputs import Item, content_hash, read_labels
+from voxkernel.run_table import read_parts
 from voxkernel.cli.kernel_files import read_grid_file
-from voxkernel.grid_export import read_npz
+from voxkernel.grid import read_npz
 from fsspec.implementations.local import LocalFileSystem
 for line in sys.stdin.read().splitlines():
     path, call = line.split("\t")

@@ -9,10 +9,9 @@ import numpy as np
 import oracle
 import pytest
 
+from voxkernel.exact import exact_kernel
 from voxkernel.measures import starshapeness
-from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh_input import as_mesh
-from voxkernel.polytope import exact_kernel
+from voxkernel.mesh import TriangleMesh, as_mesh
 
 DATA = Path(os.environ.get("VOXKERNEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 

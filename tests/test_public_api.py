@@ -56,7 +56,7 @@ def test_init_holds_imports_only():
     allowed = (ast.ImportFrom, ast.Assign, ast.Expr)
     assert all(isinstance(node, allowed) for node in tree.body)
     assigned = {t.id for node in tree.body if isinstance(node, ast.Assign) for t in node.targets}
-    assert assigned == {"__all__", "__version__"}
+    assert assigned == {"__all__"}
 
 
 def test_version():

@@ -2,25 +2,21 @@
 
 # First of all: it says how to install where the compiled core is missing.
 from voxkernel import _core_check as _core_check
+from voxkernel._version import __version__ as __version__
 from voxkernel.errors import VoxKernelError
-from voxkernel.evaluate import EvaluateSettings, evaluate
+from voxkernel.evaluation import EvaluateSettings, evaluate
+from voxkernel.exact import exact_kernel
 from voxkernel.grid import SparseGrid
-from voxkernel.measures import defect_profile, starshapeness
-from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh_input import as_mesh
-from voxkernel.moments import kernel_moments
-from voxkernel.octree import voxel_kernel
-from voxkernel.points import kernel_points
+from voxkernel.measures import defect_profile, kernel_moments, kernel_points, starshapeness, visible_fraction
+from voxkernel.mesh import TriangleMesh, as_mesh, repair
 from voxkernel.polyhedral import cell_kernels, read_polyhedral
-from voxkernel.polytope import exact_kernel
-from voxkernel.registration import register
-from voxkernel.registration_batch import register_many
-from voxkernel.repair import repair
+from voxkernel.registration import register, register_many
+from voxkernel.relaxed import best_center, violation
+from voxkernel.relaxed.violation import violation_grid
 from voxkernel.report import write_report
 from voxkernel.spherical import spherical_map
 from voxkernel.vdb import read_vdb, write_vdb
-from voxkernel.violation import best_center, violation, violation_grid
-from voxkernel.visibility import visible_fraction
+from voxkernel.voxels import voxel_kernel
 
 __all__ = [
     "EvaluateSettings",
@@ -49,4 +45,3 @@ __all__ = [
     "write_report",
     "write_vdb",
 ]
-__version__ = "0.1.0"

@@ -13,7 +13,7 @@ import pyvista
 
 import voxkernel
 from voxkernel.demo_shapes import comet, face
-from voxkernel.domain import ball_domain, hull_domain
+from voxkernel.halfspaces import ball_domain, hull_domain
 
 
 def polydata(mesh):

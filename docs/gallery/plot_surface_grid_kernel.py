@@ -12,7 +12,7 @@ import pyvista
 
 import voxkernel
 from voxkernel.demo_shapes import face
-from voxkernel.domain import ball_domain
+from voxkernel.halfspaces import ball_domain
 
 mesh = voxkernel.as_mesh(face())
 

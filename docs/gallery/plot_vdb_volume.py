@@ -14,7 +14,7 @@ import pyvista
 
 import voxkernel
 from voxkernel.demo_shapes import urchin
-from voxkernel.grid_export import to_pyvista_image, to_surface
+from voxkernel.grid import to_pyvista_image, to_surface
 
 # %%
 # The file

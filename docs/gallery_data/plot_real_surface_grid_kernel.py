@@ -13,7 +13,7 @@ import numpy as np
 import pyvista
 
 import voxkernel
-from voxkernel.domain import ball_domain
+from voxkernel.halfspaces import ball_domain
 
 data = Path(os.environ["VOXKERNEL_DATA"])
 mesh = voxkernel.as_mesh(data / "faces_smooth" / "smooth_ict01_neutral.ply")

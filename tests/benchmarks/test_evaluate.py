@@ -12,9 +12,9 @@ import pytest
 from synthetic import bumpy
 
 import voxkernel
-from voxkernel import _rows
-from voxkernel._evaluate_analysis import analyse, warm_up
-from voxkernel.evaluate import EvaluateSettings, evaluate
+from voxkernel import run_table
+from voxkernel.evaluation import EvaluateSettings, evaluate
+from voxkernel.evaluation.analysis import analyse, warm_up
 
 N = int(os.environ.get("VOXKERNEL_BENCH_MESHES", "1000"))
 N_SMALL = 10 * N
@@ -51,9 +51,9 @@ def plain_loop(folder, run):
             rows.append({"file": str(path), "status": "ok", **row})
         except voxkernel.VoxKernelError as error:
             rows.append({"file": str(path), "status": "failed", "reason": str(error)})
-    fs, path = _rows.open_run(str(run))
-    _rows.write_part(fs, path, rows)
-    return _rows.read_rows(str(run))
+    fs, path = run_table.open_run(str(run))
+    run_table.write_part(fs, path, rows)
+    return run_table.read_rows(str(run))
 
 
 def with_engine(folder, run, workers):

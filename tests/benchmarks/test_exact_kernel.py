@@ -4,8 +4,7 @@ import pytest
 from synthetic import CASES, scipy_kernel
 
 import voxkernel
-from voxkernel.feasibility import find_feasibility
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import HalfSpaces, find_feasibility
 
 
 @pytest.mark.parametrize("n_facets", [1_000, 10_000, 100_000, 1_000_000])

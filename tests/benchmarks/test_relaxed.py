@@ -13,11 +13,10 @@ from synthetic import bumpy, geodesic_sphere
 
 import voxkernel
 from voxkernel._core import least_violated, relaxed_cells
-from voxkernel._cube import RootCube
-from voxkernel._relaxed import cube_arrays
-from voxkernel._weights import UNITS, weigh
-from voxkernel.domain import planes_domain
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import HalfSpaces, planes_domain
+from voxkernel.relaxed.facet_weights import UNITS, weigh
+from voxkernel.relaxed.root_cube import RootCube
+from voxkernel.voxels.relaxed_octree import cube_arrays
 
 ALPHA = 0.03
 NEVER = 99

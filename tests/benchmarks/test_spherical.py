@@ -5,9 +5,9 @@ import pytest
 from synthetic import bumpy
 
 import voxkernel
-from voxkernel._harmonics import fit_harmonics
 from voxkernel._open3d import open3d
-from voxkernel._sphere_grids import sphere_grid
+from voxkernel.spherical.harmonics import fit_harmonics
+from voxkernel.spherical.sphere_grids import sphere_grid
 
 
 def star(n_facets):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import voxkernel
-from voxkernel.domain import planes_domain
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import HalfSpaces, planes_domain
 
 EDGE = 2.6  # the root cube: 1.3 times the longest extent of the ellipsoid
 

@@ -8,9 +8,9 @@ import pytest
 import shapes
 from test_polyhedral import as_cell, hull_cell, sphere_points
 
-from voxkernel._cell_sides import exact_volume
 from voxkernel._core import StopFlag, orient_cells, solve_cells, squared_diameter
 from voxkernel.polyhedral import PolyhedralMesh
+from voxkernel.polyhedral.cell_sides import exact_volume
 
 UNDECIDED, CONVEX, SOLID, EMPTY, EMPTY_NEAR = range(5)
 IS_OPEN, IS_TURNED, IS_INSIDE_OUT, IS_NOT_FINITE, HAS_BAD_FACE = range(-1, -6, -1)

@@ -7,10 +7,10 @@ import pytest
 from grids import random_frame, random_grid
 
 from voxkernel import _core
-from voxkernel import grid as grid_module
-from voxkernel._grid_query import ActiveTable, find_rows, points_in, voxels_in
-from voxkernel._morton import REACH
 from voxkernel.grid import SparseGrid
+from voxkernel.grid import sparse_grid as grid_module
+from voxkernel.grid.lookup import ActiveTable, find_rows, points_in, voxels_in
+from voxkernel.grid.morton import REACH
 
 SEEDS = range(8)
 EXTREMES = [-(2**63), 2**63 - 1, -REACH - 1, -REACH, REACH - 1, REACH, -(2**24), 2**26, 2**31, 0]

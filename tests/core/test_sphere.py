@@ -7,8 +7,8 @@ from scipy.optimize import minimize
 
 import voxkernel
 from voxkernel import _core
-from voxkernel._coverage import Boundary
-from voxkernel._radial import _across
+from voxkernel.spherical.coverage import Boundary
+from voxkernel.spherical.radial_grid import _across
 
 FULL = 4 * np.pi
 

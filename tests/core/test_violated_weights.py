@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import voxkernel
 from voxkernel._core import faces_away, violated_weights
-from voxkernel._weights import weigh
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.relaxed.facet_weights import weigh
 
 
 def side(a, b, c, p):

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 import voxkernel
-from voxkernel import _rows
-from voxkernel._evaluate_analysis import Analysis
-from voxkernel.evaluate import EvaluateSettings, run_evaluation
+from voxkernel import run_table
+from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.analysis import Analysis
+from voxkernel.evaluation.evaluate import run_evaluation
 
 HERE = Path(__file__).resolve().parent
 PICTURE = 60_000
@@ -94,7 +95,7 @@ def client(script, *words, **options):
 
 
 def stored(run):
-    return {row["file"]: row for row in _rows.read_rows(str(run)).to_pylist()} if Path(run, "rows").exists() else {}
+    return {row["file"]: row for row in run_table.read_rows(str(run)).to_pylist()} if Path(run, "rows").exists() else {}
 
 
 def wait_for_rows(run, n, process, seconds=300.0):
@@ -124,12 +125,12 @@ def is_alive(pid):
 
 COMMAND = """
 import sys
-import voxkernel.evaluate
+import voxkernel.evaluation.evaluate
 from voxkernel.cli import main as cli
 import faulty_runs
 if __name__ == "__main__":
     if "evaluate" not in cli.COMMANDS:
         cli.COMMANDS = (*cli.COMMANDS, "evaluate")
-    sys.modules["voxkernel.evaluate"].analyse = faulty_runs.naughty
+    sys.modules["voxkernel.evaluation.evaluate"].analyse = faulty_runs.naughty
     sys.exit(cli.main(sys.argv[1:]))
 """

@@ -19,16 +19,16 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
 
 # Readers only: compiled loops and what lies behind them would be slower and tell nothing about files.
 READERS = [
-    "voxkernel._ply", "voxkernel._mesh_files", "voxkernel._polyhedral_files", "voxkernel._vdb_format",
-    "voxkernel._vdb_read", "voxkernel._vdb_values", "voxkernel.vdb", "voxkernel.grid_export", "voxkernel._rows",
-    "voxkernel._report_rows", "voxkernel._report_pictures", "voxkernel._evaluate_inputs", "voxkernel.mesh_input",
+    "voxkernel.mesh.ply", "voxkernel.mesh.files", "voxkernel.polyhedral.files", "voxkernel.vdb.file_format",
+    "voxkernel.vdb.read_tree", "voxkernel.vdb.node_values", "voxkernel.vdb", "voxkernel.grid", "voxkernel.run_table",
+    "voxkernel.report.rows", "voxkernel.report.pictures", "voxkernel.evaluation.inputs", "voxkernel.mesh",
 ]  # fmt: skip
 with atheris.instrument_imports(include=READERS):
     import fuzz
 
-    import voxkernel.mesh_input
-    import voxkernel.polyhedral
-    import voxkernel.vdb  # noqa: F401
+    import voxkernel.mesh.as_mesh
+    import voxkernel.polyhedral.cell_kernels
+    import voxkernel.vdb.vdb_file  # noqa: F401
 
 
 def main():

@@ -29,7 +29,7 @@ def read_vdb_file(path):
 
 
 def read_npz_file(path):
-    from voxkernel.grid_export import read_npz
+    from voxkernel.grid import read_npz
 
     return [array for grid in read_npz(path) for array in _check_grid(grid)]
 
@@ -169,7 +169,7 @@ def _damage_block(rng, data, block):
 
 @cache
 def npz_seeds():
-    from voxkernel.grid_export import write_npz
+    from voxkernel.grid import write_npz
 
     mask, field = _sample_grids()
     found = []

@@ -18,13 +18,13 @@ from fuzz_surfaces import read_surface, row_text, triangles
 @cache
 def reader_of(process):
     """One child of a process for all its inputs: an interpreter for each would cost a second."""
-    from voxkernel._meshlab import MeshlabReader
+    from voxkernel.mesh.other_formats import MeshlabReader
 
     return MeshlabReader(seconds=2)
 
 
 def read_surface_in_child(path):
-    with mock.patch("voxkernel._meshlab.read_with_meshlab", reader_of(os.getpid()).read):
+    with mock.patch("voxkernel.mesh.other_formats.read_with_meshlab", reader_of(os.getpid()).read):
         return read_surface(path)
 
 

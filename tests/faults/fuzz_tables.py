@@ -49,7 +49,7 @@ def read_report_rows(path):
     """Rows of damaged values, as far as the table can hold them."""
     import pyarrow as pa
 
-    from voxkernel._rows import to_table
+    from voxkernel.run_table import to_table
 
     data = path.read_bytes()
     rows = json.loads(data.decode("utf-8", "surrogatepass"))
@@ -63,7 +63,7 @@ def read_report_rows(path):
 def _table_of(rows):
     import pyarrow as pa
 
-    from voxkernel._rows import to_table
+    from voxkernel.run_table import to_table
 
     try:
         return to_table(rows)
@@ -73,9 +73,9 @@ def _table_of(rows):
 
 def read_report_view(path):
     """A damaged picture costs its picture, never the report."""
-    from voxkernel._report_pictures import collect
-    from voxkernel._report_rows import from_table
-    from voxkernel._rows import to_table
+    from voxkernel.report.pictures import collect
+    from voxkernel.report.rows import from_table
+    from voxkernel.run_table import to_table
 
     data = path.read_bytes()
     run = _fresh_run(path)
@@ -91,7 +91,7 @@ def read_report_view(path):
 
 
 def read_labels_csv(path):
-    from voxkernel._evaluate_inputs import read_labels
+    from voxkernel.evaluation.inputs import read_labels
 
     labels = read_labels(str(path))
     for name, label in labels.table.items():
@@ -145,7 +145,7 @@ def _parquet(table, codec="zstd"):
 
 @cache
 def parquet_seeds():
-    from voxkernel._rows import to_table
+    from voxkernel.run_table import to_table
 
     return [_parquet(to_table(run_rows()), codec) for codec in ("zstd", "none", "snappy")]
 

@@ -25,8 +25,9 @@ from faulty_runs import (
     wait_for_rows,
 )
 
-from voxkernel import _rows
-from voxkernel.evaluate import EvaluateSettings, evaluate, run_evaluation
+from voxkernel import run_table
+from voxkernel.evaluation import EvaluateSettings, evaluate
+from voxkernel.evaluation.evaluate import run_evaluation
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
@@ -69,7 +70,7 @@ def test_progress_counts_what_is_on_disk(tmp_path):
     wrong = []
 
     def look(state):
-        on_disk = _rows.read_rows(str(run)).num_rows
+        on_disk = run_table.read_rows(str(run)).num_rows
         if on_disk < state.done:
             wrong.append((on_disk, state.done))
 

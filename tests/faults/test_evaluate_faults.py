@@ -369,7 +369,7 @@ def test_limits_of_time_and_memory_after_kills(tmp_path, script):
 @pytest.mark.slow
 def test_real_rows_after_kills(tmp_path):
     """The true analysis of shapes by formula, whose client is killed and interrupted: the same table."""
-    from voxkernel._rows import read_rows
+    from voxkernel.run_table import read_rows
 
     folder = tmp_path / "in"
     folder.mkdir()

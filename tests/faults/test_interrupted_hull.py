@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from voxkernel._solid import _LONG_HULL, polyhedron_of_duals
+from voxkernel.exact.dual_hull import _LONG_HULL, polyhedron_of_duals
 
 
 def test_long_hull_is_left_at_once():
@@ -22,7 +22,7 @@ def test_long_and_short_hulls_agree(monkeypatch):
     points = np.random.default_rng(1).normal(size=(500, 3))
     cube = np.concatenate([np.eye(3), -np.eye(3)]) / 8
     short = polyhedron_of_duals(points, cube)
-    monkeypatch.setattr("voxkernel._solid._LONG_HULL", 100)
+    monkeypatch.setattr("voxkernel.exact.dual_hull._LONG_HULL", 100)
     long = polyhedron_of_duals(points, cube)
     assert np.array_equal(short.vertices, long.vertices)
     assert np.array_equal(short.ring, long.ring)

@@ -14,10 +14,10 @@ import shapes
 
 import voxkernel
 from voxkernel import _core
-from voxkernel._cube import cube_planes, root_cube
-from voxkernel._relaxed import cube_arrays
-from voxkernel._weights import UNITS, relaxed_domain, weigh
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.relaxed.facet_weights import UNITS, relaxed_domain, weigh
+from voxkernel.relaxed.root_cube import cube_planes, root_cube
+from voxkernel.voxels.relaxed_octree import cube_arrays
 
 HANG = 120  # seconds; only to end a test that does not end by itself
 KILLS = {

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from voxkernel import _meshlab, as_mesh
-from voxkernel._meshlab import MeshlabReader, read_with_meshlab
+from voxkernel import as_mesh
 from voxkernel.errors import MeshError, MeshReadError
+from voxkernel.mesh import other_formats
+from voxkernel.mesh.other_formats import MeshlabReader, read_with_meshlab
 
 MODULE = """
 import ctypes, os, resource, time
@@ -93,8 +94,8 @@ def test_words_of_libraries_are_no_answer_and_no_core_is_left(says, word, capfd)
 
 
 def test_a_child_asleep_is_ended(says, monkeypatch):
-    monkeypatch.setattr(_meshlab, "_WALL_SECONDS", 0)
-    monkeypatch.setattr(_meshlab, "_WALL_FACTOR", 1)
+    monkeypatch.setattr(other_formats, "_WALL_SECONDS", 0)
+    monkeypatch.setattr(other_formats, "_WALL_FACTOR", 1)
     with MeshlabReader(seconds=3) as reader, pytest.raises(MeshReadError, match=r"took more than 3 s$"):
         reader.read(says("sleep"))
 
@@ -121,7 +122,7 @@ def test_values_are_checked_by_the_caller(says):
 def test_an_answer_that_is_none(tmp_path, monkeypatch, answer, match):
     program = tmp_path / "child.py"
     program.write_text(f"import sys\nsys.stdin.readline()\n{answer}\n")
-    monkeypatch.setattr(_meshlab, "_PROGRAM", program)
+    monkeypatch.setattr(other_formats, "_PROGRAM", program)
     path = tmp_path / "a.3ds"
     path.write_text("x")
     with pytest.raises(MeshReadError, match=match):
@@ -172,7 +173,7 @@ def test_parts_of_a_gltf_file_are_found_and_counted(tmp_path):
     (tmp_path / "part 1.bin").write_bytes(bytes(1000))
     path = tmp_path / "a.gltf"
     path.write_text('{"buffers": [{"uri": "part 1.bin"}, {"uri": "missing.bin"}, {"uri": "data:,x"}]}')
-    assert _meshlab._size_with_parts(path) == path.stat().st_size + 1000
+    assert other_formats._size_with_parts(path) == path.stat().st_size + 1000
 
 
 def test_relative_paths(says, tmp_path, monkeypatch):

@@ -11,8 +11,8 @@ import shapes
 
 import voxkernel
 from voxkernel.errors import MeshError
-from voxkernel.violation import best_center, violation
-from voxkernel.visibility import visible_fraction
+from voxkernel.measures import visible_fraction
+from voxkernel.relaxed import best_center, violation
 
 NEAR = (1e-60, 1e-12, 1.0, 1e12, 1e59)  # spans differ by up to 2**-300 or a little more
 FAR = (1e-300, 1e-160, 1.0, 1e12, 1e60, 1e150)

@@ -13,14 +13,14 @@ import fsspec
 import pytest
 
 import voxkernel
-from voxkernel._evaluate_lock import locked_run
-from voxkernel._file_lock import lock_file
-from voxkernel._rows import open_run
+from voxkernel.evaluation.file_lock import lock_file
+from voxkernel.evaluation.run_lock import locked_run
+from voxkernel.run_table import open_run
 
 OWNER = """
 import sys
-from voxkernel._evaluate_lock import locked_run
-from voxkernel._rows import open_run
+from voxkernel.evaluation.run_lock import locked_run
+from voxkernel.run_table import open_run
 with locked_run(*open_run(sys.argv[1])):
     print("locked", flush=True)
     sys.stdin.read()

@@ -10,7 +10,7 @@ import shapes
 import voxkernel
 from voxkernel.demo_shapes import urchin
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.mesh_input import as_mesh
+from voxkernel.mesh import as_mesh
 
 
 def star(n_facets, seed):

@@ -10,9 +10,9 @@ import shapes
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from voxkernel.exact import exact_kernel
 from voxkernel.measures import starshapeness
-from voxkernel.octree import voxel_kernel
-from voxkernel.polytope import exact_kernel
+from voxkernel.voxels import voxel_kernel
 
 few = settings(max_examples=12)
 some = settings(max_examples=30)
@@ -226,7 +226,7 @@ def test_splitting_a_flat_facet_changes_nothing(surface, data):
 @given(shapes.polygon_prisms())
 def test_prepared_half_spaces_give_the_same_kernel(surface):
     from voxkernel.halfspaces import HalfSpaces
-    from voxkernel.mesh_input import as_mesh
+    from voxkernel.mesh import as_mesh
 
     assert_same_kernel(exact_kernel(HalfSpaces.from_mesh(as_mesh(surface))), exact_kernel(surface))
 

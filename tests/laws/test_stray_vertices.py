@@ -107,7 +107,7 @@ def test_registration():
 
 
 def test_pictures(surfaces):
-    from voxkernel._picture_scene import make_scene
+    from voxkernel.pictures.scene import make_scene
 
     one, two = (make_scene(m, None) for m in surfaces)
     same(one, two, "vertices", "faces", "surface_lines", "view", "up", "diagonal")

@@ -49,8 +49,8 @@ def run(args: argparse.Namespace) -> int:
     """Search, print, write."""
     output = None if args.output is None else check_output(args.output, (".json",))
 
-    from voxkernel.mesh_input import as_mesh
-    from voxkernel.violation import best_center
+    from voxkernel.mesh import as_mesh
+    from voxkernel.relaxed import best_center
 
     mesh = as_mesh(args.mesh)
     center = best_center(mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights)
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if center.reason:
         rows["note"] = center.reason
     if args.visible:
-        from voxkernel.visibility import visible_fraction
+        from voxkernel.measures import visible_fraction
 
         seen = visible_fraction(mesh, center.point)
         document["visible"] = seen.to_dict()

@@ -84,9 +84,9 @@ def _write_report(results: list[dict[str, Any]], folder: Path) -> None:
 
     import jinja2
 
-    from voxkernel import __version__
+    from voxkernel._version import __version__
 
-    source = (files("voxkernel") / "templates" / "demo.html").read_text(encoding="utf-8")
+    source = (files("voxkernel.cli") / "templates" / "demo.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(source)
     items = [
         {

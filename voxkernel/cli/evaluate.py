@@ -53,10 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, with progress on stderr."""
-    from voxkernel._evaluate_inputs import BadInput
-    from voxkernel._evaluate_progress import shown
-    from voxkernel._report_text import left_out_text
-    from voxkernel.evaluate import evaluate
+    from voxkernel.evaluation import evaluate
+    from voxkernel.evaluation.inputs import BadInput
+    from voxkernel.evaluation.progress import shown
+    from voxkernel.report.text import left_out_text
 
     settings = _settings(args)
     try:
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _settings(args: argparse.Namespace) -> Any:
     """Turn arguments into settings; what cannot be meant is bad usage."""
-    from voxkernel.evaluate import PROFILE_TOLERANCES, EvaluateSettings
+    from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings
 
     if args.profile and args.tolerances is not None:
         raise UsageError("--profile and --tolerances must not be given together")

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 
 def mesh_facts(path: str) -> dict[str, Any]:
     """Collect the facts of a mesh; arrays of ids become counts."""
-    from voxkernel.mesh_input import as_mesh
+    from voxkernel.mesh import as_mesh
 
     facts = as_mesh(path).facts()
     return {

@@ -73,17 +73,17 @@ def run(args: argparse.Namespace) -> int:
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
 
-    from voxkernel.mesh_input import as_mesh
+    from voxkernel.mesh import as_mesh
 
     mesh = as_mesh(args.mesh)
     if as_grid:
-        from voxkernel.octree import voxel_kernel
+        from voxkernel.voxels import voxel_kernel
 
         kernel: Any = voxel_kernel(mesh, domain=args.domain, **options)
         document = _grid_document(kernel)
         rows = _grid_rows(document)
     else:
-        from voxkernel.polytope import exact_kernel
+        from voxkernel.exact import exact_kernel
 
         kernel = exact_kernel(mesh, domain=args.domain)
         document = kernel.to_dict()
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         if (
             as_grid and kernel.dimension < 3 and not kernel.tolerance
         ):  # nothing to see in the grid; the polytope has the proof
-            from voxkernel.polytope import exact_kernel
+            from voxkernel.exact import exact_kernel
 
             shown = exact_kernel(mesh, domain=args.domain)
         surface_picture(mesh, shown, picture, title=display(Path(args.mesh).name))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from voxkernel import __version__
 from voxkernel._input_file import input_file
+from voxkernel._version import __version__
 from voxkernel.cli.output import display
 from voxkernel.errors import MeshReadError
 

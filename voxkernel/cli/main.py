@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import NoReturn
 
-from voxkernel import __version__
+from voxkernel._version import __version__
 from voxkernel.cli.output import UsageError, report_error
 from voxkernel.errors import VoxKernelError
 

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         _moved(source.mesh, found).write(moved)
         say(f"wrote {display(moved)}", quiet=args.quiet)
     if picture is not None:
-        from voxkernel._picture_registration import registration_picture
+        from voxkernel.pictures import registration_picture
 
         names = " → ".join(display(Path(p).name) for p in (args.source, args.target))
         registration_picture(source, target, found, picture, title=names)

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         _write(sphere, samples, document, output, args.degree)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if picture is not None:
-        from voxkernel._picture_sphere import sphere_picture
+        from voxkernel.pictures import sphere_picture
 
         sphere_picture(sphere, picture, samples=samples, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _project(args: argparse.Namespace) -> Any:
     """Project; where the kernel is empty, say what the relaxed centre would lose."""
-    from voxkernel.mesh_input import as_mesh
-    from voxkernel.polytope import exact_kernel
+    from voxkernel.exact import exact_kernel
+    from voxkernel.mesh import as_mesh
     from voxkernel.spherical import spherical_map
 
     mesh = as_mesh(args.mesh)
@@ -97,7 +97,7 @@ def _project(args: argparse.Namespace) -> Any:
         chosen = isinstance(args.center, str) and args.center != "relaxed"
         if not chosen or not exact_kernel(mesh, domain=args.domain).is_empty:
             raise
-        from voxkernel.violation import best_center
+        from voxkernel.relaxed import best_center
 
         best = best_center(mesh, domain=args.domain)
         place = ", ".join(number(v) for v in best.point)

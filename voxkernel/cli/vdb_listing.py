@@ -26,7 +26,7 @@ def grid_statistics(grid: SparseGrid, kind: str) -> dict[str, Any]:
     """Count nodes, tiles, voxels and bytes as OpenVDB counts them in a grid that was read from a file."""
     import numpy as np
 
-    from voxkernel._leaf_bits import popcount, unpack
+    from voxkernel.grid.leaf_bits import popcount, unpack
 
     corners = np.concatenate([grid.tile_ijk, grid.inactive_ijk])
     log2 = np.concatenate([grid.tile_log2, grid.inactive_log2])

@@ -1,0 +1,86 @@
+"""The cluster of an evaluation: who can reach it, and that workers come back. The rest about those is in `faults/`."""
+
+import asyncio
+import os
+import signal
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+
+from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.cluster import connected
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with connected(EvaluateSettings(workers=1), 1) as made:
+        yield made
+
+
+def answer(address, security=None):
+    """What a server says to whoever asks who it is; with the rights to ask that, code can be run too."""
+    from distributed.core import connect
+
+    async def ask():
+        options = security.get_connection_args("client") if security is not None else {}
+        comm = await connect(address, timeout=5, **options)
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            return await comm.read()
+        finally:
+            comm.abort()
+
+    return asyncio.run(ask())
+
+
+def servers(cluster):
+    nannies = [worker["nanny"] for worker in cluster.client.scheduler_info()["workers"].values()]
+    return {"Scheduler": cluster.client.scheduler.address, "Worker": next(iter(cluster.workers())), "Nanny": nannies[0]}
+
+
+@pytest.mark.parametrize("kind", ["Scheduler", "Worker", "Nanny"])
+def test_only_those_with_the_key_of_the_run_are_answered(cluster, kind):
+    from distributed import Security
+
+    address = servers(cluster)[kind]
+    assert answer(address, cluster.client.security)["type"] in (kind, "RecordingNanny")
+    with pytest.raises(OSError, match=r"(?i)ssl|tls|certificate|closed|timed out"):
+        answer(address, Security.temporary())
+    with pytest.raises(OSError, match=r"(?i)timed out|closed|connect"):
+        answer(address.replace("tls://", "tcp://"))
+
+
+def test_it_listens_on_this_machine_only(cluster):
+    assert {address.rpartition(":")[0] for address in servers(cluster).values()} == {"tls://127.0.0.1"}
+
+
+def test_it_has_no_pages(cluster):
+    info = cluster.client.scheduler_info()
+    ports = [info["services"]["dashboard"], *(w["services"]["dashboard"] for w in info["workers"].values())]
+    assert len(ports) == 2
+    for port in ports:
+        for page in ("info/main/workers.html", "json/counts.json", "metrics", "health", "status"):
+            with pytest.raises(urllib.error.HTTPError, match="404") as caught:
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=30)
+            caught.value.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_killed_worker_comes_back_however_long_it_takes():
+    """Dask closes the nanny of a worker that is not back in time, which on a busy machine it may not be."""
+    from dask import config
+
+    with (
+        config.set({"distributed.deploy.lost-worker-timeout": "10ms"}),
+        connected(EvaluateSettings(workers=1), 1) as cluster,
+    ):
+        for _ in range(2):
+            before = cluster.workers()
+            os.kill(next(iter(cluster.client.run(os.getpid).values())), signal.SIGKILL)
+            end = time.monotonic() + 90
+            while cluster.workers() <= before and time.monotonic() < end:
+                time.sleep(0.05)
+            assert len(cluster.workers() - before) == 1

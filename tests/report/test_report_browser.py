@@ -1,0 +1,296 @@
+"""The page in a real browser: Debian's chromium, driven by Playwright; skipped where it is not installed."""
+
+import os
+import shutil
+
+import numpy as np
+import pytest
+from report_runs import HOSTILE, cell_row, large_run, write_run
+
+from voxkernel.report import write_report
+from voxkernel.report.rows import load_rows
+from voxkernel.report.text import readable
+
+CHROMIUM = os.environ.get("VOXKERNEL_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+N = 10_000
+SHOWN = "[...document.querySelectorAll('#body tr:not(.pad)')]"
+MOST_ROWS = 60  # rows of the table that are elements at any time
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed (apt-get install chromium)")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The report of 10,000 rows, and its rows."""
+    folder = tmp_path_factory.mktemp("report")
+    large_run(folder / "run", N, np.random.default_rng(20261122))
+    write_report(folder / "run", folder / "report.html")
+    return folder / "report.html", load_rows(str(folder / "run"))
+
+
+@pytest.fixture
+def opened(browser):
+    """Open a file; whatever it says on the console or asks of the network is kept, and must be nothing at the end."""
+    contexts, complaints = [], []
+
+    def open_page(path, **options):
+        context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, "offline": True, **options})
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda e: complaints.append(str(e)))
+        page.on("dialog", lambda d: complaints.append(f"dialog {d.message}"))
+        address = path.as_uri()
+        own = (address, "data:", "blob:")
+        page.on("request", lambda r: None if r.url.startswith(own) else complaints.append(f"request {r.url}"))
+        page.goto(address)
+        page.wait_for_selector("html[data-ready=yes]")
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+def table_rows(page):
+    return page.locator("#body tr:not(.pad)")
+
+
+def wait_until(page, expression):
+    """Playwright's own waiting evaluates text inside the page, which the page's policy forbids."""
+    for _ in range(200):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"still not so: {expression}")
+
+
+def settled(page):
+    """Pixels of the 3D view, once it is drawn: without a graphics card the first picture takes a while."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    before = None
+    for _ in range(60):
+        page.wait_for_timeout(120)
+        picture = Image.open(BytesIO(page.locator("#canvas").screenshot())).convert("RGB")
+        image = np.asarray(picture).astype(int)
+        if before is not None and np.array_equal(image, before) and tuple(image[12, 12]) != (255, 255, 255):
+            return image
+        before = image
+    raise AssertionError("the view does not come to rest")
+
+
+def column(page, title):
+    """Text of a column, in the order shown."""
+    heads = [h.strip() for h in page.locator("#head th").all_inner_texts()]
+    at = heads.index(title) + 1
+    return [t.strip() for t in page.locator(f"#body tr:not(.pad) td:nth-child({at})").all_inner_texts()]
+
+
+def head(page, key):
+    return page.locator(f'#head th[data-key="{key}"]')
+
+
+def test_only_the_rows_in_sight_are_elements(opened, report):
+    page = opened(report[0])
+    assert page.locator("#count").inner_text() == "10,000 of 10,000 rows"
+    height = page.evaluate("document.getElementById('frame').scrollHeight")
+    for share in (0.0, 0.13, 0.5, 0.77, 1.0):
+        page.evaluate(f"document.getElementById('frame').scrollTop = {share} * {height}")
+        at = "document.getElementById('frame').scrollTop / 53"
+        wait_until(page, f"{SHOWN}.some((r) => Math.abs(r.ariaRowIndex - {at}) < 20)")
+        assert 5 < table_rows(page).count() <= MOST_ROWS
+    assert page.evaluate("document.querySelectorAll('*').length") < 4000
+    assert table_rows(page).last.get_attribute("aria-rowindex") == str(N + 1)
+    # Rows are as high as the script believes: the end of the table is the end of the frame.
+    assert abs(page.evaluate("document.getElementById('frame').scrollHeight") - height) <= 2
+    assert table_rows(page).first.evaluate("r => r.getBoundingClientRect().height") == 53
+
+
+def test_sorting_by_click_and_by_key(opened, report):
+    page, rows = opened(report[0]), report[1]
+    head(page, "ratio").get_by_role("button").click()
+    assert head(page, "ratio").get_attribute("aria-sort") == "descending"
+    best = np.sort(rows.numbers["ratio"][np.isfinite(rows.numbers["ratio"])])[::-1]
+    shown = [float(t) for t in column(page, "Ratio")]
+    assert shown == pytest.approx(best[: len(shown)], rel=1e-3)
+    head(page, "ratio").get_by_role("button").press("Enter")
+    assert head(page, "ratio").get_attribute("aria-sort") == "ascending"
+    assert float(column(page, "Ratio")[0]) == best[-1]
+    head(page, "violation_upper").get_by_role("button").press("Space")
+    assert head(page, "ratio").get_attribute("aria-sort") == "none"
+    worst = np.sort(np.nan_to_num(rows.numbers["violation_upper"]))[::-1]
+    shown = [float(t) for t in column(page, "Defect")]
+    assert shown == pytest.approx(worst[: len(shown)], rel=1e-3)
+    # Rows without a number are last, whichever the direction.
+    for _ in range(2):
+        page.evaluate("document.getElementById('frame').scrollTop = 1e9")
+        wait_until(page, f"{SHOWN}.at(-1).ariaRowIndex == {N + 1}")
+        assert column(page, "Defect")[-1] == "–"
+        head(page, "violation_upper").get_by_role("button").click()
+    head(page, "file").get_by_role("button").click()
+    assert head(page, "file").get_attribute("aria-sort") == "ascending"
+
+
+def test_filters(opened, report):
+    page, rows = opened(report[0]), report[1]
+    page.locator("#outcome").select_option("failed")
+    assert page.locator("#count").inner_text() == "100 of 10,000 rows"
+    assert set(column(page, "Verdict")) == {"failed: file is not a mesh: 12 bytes"}
+    page.locator("#outcome").select_option("")
+    page.locator("#label").select_option("convex")
+    n = rows.texts["label"].count("convex")
+    assert page.locator("#count").inner_text() == f"{n:,} of 10,000 rows"
+    page.get_by_label("Search").fill("0040 CONVEX")
+    matches = sum("0040" in f for f, s in zip(rows.texts["file"], rows.texts["label"], strict=True) if s == "convex")
+    assert page.locator("#count").inner_text() == f"{matches} of 10,000 rows"
+    assert table_rows(page).count() == matches
+    page.get_by_label("Search").fill("no such row")
+    assert table_rows(page).count() == 0
+    page.get_by_role("button", name="Clear").click()
+    assert page.locator("#count").inner_text() == "10,000 of 10,000 rows"
+    page.locator(".tile", has_text="degenerate").click()
+    expected = rows.outcome.count("degenerate")
+    assert page.locator("#count").inner_text() == f"{expected} of 10,000 rows"
+
+
+def test_a_view_opens_turns_and_closes(opened, report):
+    page = opened(report[0])
+    card = page.locator("[data-open]").first
+    card.focus()
+    card.press("Enter")
+    dialog = page.locator("dialog#shape")
+    assert dialog.is_visible()
+    canvas = page.locator("#canvas")
+    assert page.evaluate("document.activeElement.id") == "canvas"
+
+    def picture():
+        return settled(page)[10:-10, 10:-10].tobytes()  # without the ring of the focus
+
+    before = picture()
+    assert len(set(before)) > 10
+    canvas.press("ArrowLeft")
+    turned = picture()
+    assert turned != before
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 320, box["y"] + 240, steps=4)
+    page.mouse.up()
+    dragged = picture()
+    assert dragged != turned
+    page.get_by_role("button", name="Close-up of the kernel").click()
+    assert picture() != dragged
+    page.get_by_role("button", name="Reset").press("Enter")
+    assert picture() == before
+    page.get_by_role("button", name="Next").click()
+    assert dialog.is_visible()
+    page.keyboard.press("Escape")
+    assert not dialog.is_visible()
+
+
+def test_the_kernel_is_drawn_inside_the_surface(opened, report):
+    page = opened(report[0])
+    page.locator("[data-open]").first.click()
+    image = settled(page)
+    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
+    kernel = (red - blue > 60) & (red - green > 25)
+    surface = np.abs(image - image[12, 12]).sum(axis=-1) > 30
+    assert 200 < kernel.sum() < 0.2 * surface.sum()
+    y, x = np.nonzero(surface)
+    inner_y, inner_x = np.nonzero(kernel)
+    assert x.min() < inner_x.min() <= inner_x.max() < x.max()
+    assert y.min() < inner_y.min() <= inner_y.max() < y.max()
+
+
+def test_hostile_names_are_text(opened, report):
+    page = opened(report[0])
+    title = page.title()
+    for name in HOSTILE:
+        page.get_by_label("Search").fill(readable(name).strip()[:80])
+        assert readable(name).strip() in [" ".join(t.split(" ")) for t in column(page, "File")]
+        table_rows(page).first.get_by_role("button").click()
+        assert readable(name) == page.locator("#facts dd").first.text_content()
+        page.keyboard.press("Escape")
+    assert page.title() == title
+    assert page.locator("svg [onload], img[src=x]").count() == 0
+
+
+def test_the_saved_rows_are_the_shown_ones(opened, report, tmp_path):
+    page = opened(report[0], accept_downloads=True)
+    page.get_by_label("Search").fill("example.com")
+    shown = page.locator("#count").inner_text()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save these rows as CSV").click()
+    download.value.save_as(tmp_path / "rows.csv")
+    import csv
+
+    with open(tmp_path / "rows.csv", newline="", encoding="utf-8") as stream:
+        lines = list(csv.DictReader(stream))
+    assert shown == f"{len(lines)} of 10,000 rows"
+    names = [line["file"] for line in lines]
+    assert any(name.startswith("'=HYPERLINK") for name in names)
+    assert not any(name[0] in "=+-@" for name in names)
+    assert "ratio" in lines[0]
+
+
+@pytest.mark.parametrize(
+    "options", [{"color_scheme": "dark"}, {"viewport": {"width": 360, "height": 700}}, {"reduced_motion": "reduce"}]
+)
+def test_dark_and_narrow(opened, report, options):
+    page = opened(report[0], **options)
+    width = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    assert width[0] <= width[1]
+    page.locator("[data-open]").last.click()
+    assert page.locator("#canvas").is_visible()
+    close = page.get_by_role("button", name="Close", exact=True)
+    assert close.bounding_box()["x"] + close.bounding_box()["width"] <= width[1]
+    background, ink = page.evaluate("(s => [s.backgroundColor, s.color])(getComputedStyle(document.body))")
+    dark = options.get("color_scheme") == "dark"
+    assert (_light(background) < _light(ink)) == dark
+
+
+def test_without_scripts_the_numbers_are_there(opened, report, browser):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(report[0].as_uri())
+    assert "100 of 10,000 rows failed" in page.locator("body").inner_text()
+    assert page.locator("figure svg").count() >= 3
+    assert "The table needs JavaScript" in page.locator("body").inner_text()
+    context.close()
+
+
+def test_cells_have_their_own_columns(opened, rng, tmp_path):
+    write_run(tmp_path / "run", [cell_row("cells.vtu", k, rng) for k in range(30)])
+    write_report(tmp_path / "run", tmp_path / "r.html")
+    page = opened(tmp_path / "r.html")
+    head(page, "volume_share").get_by_role("button").click()
+    shares = [float(t) for t in column(page, "Volume share")]
+    assert shares == sorted(shares, reverse=True)
+    assert column(page, "File")[0].startswith("cells.vtu cell ")
+
+
+def test_printing_shows_rows(opened, report):
+    page = opened(report[0])
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert table_rows(page).count() == 200
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert table_rows(page).count() <= MOST_ROWS
+
+
+def _light(css):
+    return sum(float(v) for v in css[css.index("(") + 1 : -1].split(",")[:3])

@@ -1,0 +1,166 @@
+"""A Dask cluster for an evaluation: worker processes of this machine, or a scheduler that runs elsewhere."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from voxkernel.errors import SolverError
+from voxkernel.evaluation.inputs import BadInput
+from voxkernel.evaluation.scratch_folder import scratch_folder
+from voxkernel.evaluation.settings import EvaluateSettings
+from voxkernel.evaluation.worker import OWN_WORKER
+
+__all__ = ["Cluster", "connected"]
+
+# A worker that dies takes one task with it; memory is not spilled, and a busy worker not given up, nor one that is slow
+# to come back: after the 15 s that Dask gives it, its nanny would be closed. No pages: they have no password.
+_CONFIG: dict[str, Any] = {
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.limit": "1h",
+    "distributed.deploy.lost-worker-timeout": "1000 days",
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+}  # fmt: skip
+_GUARD = 'A script, which must be a file, has to call `evaluate` under `if __name__ == "__main__":`.'
+_NEVER = logging.CRITICAL + 1
+# One thread of each library in each process, and a mark.
+_ENVIRONMENT = dict.fromkeys(
+    ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", OWN_WORKER), "1"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """A connected client, and how worker processes of this machine ended: exit code, and whether for their memory."""
+
+    client: Any
+    is_local: bool
+    ends: dict[str, tuple[int, bool]] = field(default_factory=dict[str, tuple[int, bool]])
+
+    def workers(self) -> set[str]:
+        """Give the addresses of the workers there are now."""
+        return set(self.client.nthreads())
+
+    def end_of(self, address: str) -> tuple[int, bool] | None:
+        """Give exit code of a local worker that is gone, and whether it was ended for its memory."""
+        for _ in range(40 if self.is_local else 0):
+            if address in self.ends:
+                return self.ends[address]
+            time.sleep(0.05)
+        return None
+
+
+@contextmanager
+def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
+    """Connect to the scheduler of the settings, or start worker processes and end them afterwards.
+
+    Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
+    ours talk over TLS, with a key that is made for this run and that only its processes know.
+    """
+    from dask import config
+    from distributed import Client, LocalCluster, Security
+    from distributed.comm.addressing import get_address_host
+
+    if settings.scheduler is not None:
+        try:
+            get_address_host(settings.scheduler)  # a client that cannot read its address does not end in order
+            client = Client(settings.scheduler, timeout="5s", set_as_default=False)
+        except (OSError, ValueError) as error:
+            wrong = f"`scheduler` must be the address of a scheduler; got {settings.scheduler!r}"
+            raise BadInput(f"{wrong} ({error})") from None
+        with client:
+            yield Cluster(client, False)
+        return
+    ends: dict[str, tuple[int, bool]] = {}
+    n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
+    with _quiet(), scratch_folder() as folder, config.set({**_CONFIG, "temporary-directory": folder}):
+        options: dict[str, Any] = {"dashboard_address": None, "env": _ENVIRONMENT, "local_directory": folder}
+        options |= {"protocol": "tls://", "security": Security.temporary()}
+        options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
+        try:
+            with _interrupt_blocked():
+                made = LocalCluster(
+                    n_workers=n, threads_per_worker=1, processes=True, worker_class=_recording_nanny(ends),
+                    memory_limit=_memory_of_each(settings, n), silence_logs=_NEVER, host="127.0.0.1", **options,
+                )  # fmt: skip
+        except RuntimeError as error:
+            raise SolverError(f"worker processes did not start: {error} {_GUARD}") from error
+        with made, Client(made, set_as_default=False) as client:
+            yield Cluster(client, True, ends)
+
+
+@contextmanager
+def _interrupt_blocked() -> Generator[None]:
+    """Keep Ctrl-C from threads made inside, and so from the processes they start: this one ends them in order."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # else the first process starts it, which lets the signal through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _memory_of_each(settings: EvaluateSettings, n: int) -> int:
+    """Give the size at which a nanny ends a worker, above the limit at which allocations fail."""
+    limit = settings.memory_bytes()
+    if limit is not None:
+        return int(limit / 0.95 * 1.25)
+    from dask.system import CPU_COUNT
+    from distributed.system import MEMORY_LIMIT
+
+    return int(MEMORY_LIMIT * 0.9 / min(n, max(1, CPU_COUNT)))
+
+
+def _recording_nanny(ends: dict[str, tuple[int, bool]]) -> Any:
+    """Make a nanny that notes how its workers ended: Dask tells the client only that they did."""
+    from distributed import Nanny
+
+    class RecordingNanny(Nanny):
+        def _on_worker_exit_sync(self, exitcode: int) -> None:
+            address, pid = self.worker_address, getattr(self, "_voxkernel_pid", None)
+            if address is not None:
+                ends[address] = exitcode, getattr(self.memory_manager, "_last_terminated_pid", -1) == pid
+            super()._on_worker_exit_sync(exitcode)
+
+        async def instantiate(self) -> Any:
+            status = await super().instantiate()
+            self._voxkernel_pid = self.pid
+            return status
+
+    return RecordingNanny
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Keep what Dask logs about dying workers off stderr: the table says it."""
+    names = ("distributed", "distributed.nanny", "distributed.scheduler", "distributed.core", "tornado.application")
+    loggers = [logging.getLogger(name) for name in names]
+    before = [logger.level for logger in loggers]
+    verbose = logging.getLogger().isEnabledFor(logging.INFO) and logging.getLogger().handlers
+    try:
+        for logger in loggers if not verbose else ():
+            logger.setLevel(_NEVER)
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

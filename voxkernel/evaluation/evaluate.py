@@ -1,0 +1,283 @@
+"""Whole data sets: one row per mesh, on a Dask cluster, in a run that can be interrupted: `evaluate`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from voxkernel import run_table
+from voxkernel.evaluation.analysis import analyse
+from voxkernel.evaluation.cluster import connected
+from voxkernel.evaluation.dispatch import Dispatcher
+from voxkernel.evaluation.inputs import BadInput, Item, content_hash, count_suffixes, find_items, labelled, read_labels
+from voxkernel.evaluation.progress import EvaluationProgress, Speed
+from voxkernel.evaluation.run_lock import locked_run
+from voxkernel.evaluation.settings import PROFILE_TOLERANCES, EvaluateSettings, settings_hash, versions_text
+from voxkernel.evaluation.store import RunStore
+from voxkernel.evaluation.worker import Analyse
+
+__all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "EvaluationProgress", "EvaluationResult", "evaluate"]
+
+Show = Callable[[EvaluationProgress], None]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class EvaluationResult:
+    """What became of a data set.
+
+    Attributes
+    ----------
+    run : str
+        The run directory or URL.
+    n_rows : int
+        Rows of the meshes given; a polyhedral mesh has one per cell.
+    n_ok, n_failed, n_reused : int
+        Meshes evaluated, meshes that failed (both counted whether now or in an earlier run), and meshes whose
+        rows are from an earlier run.
+    unmatched_labels : tuple of str
+        Entries of the label table that no mesh matched.
+    left_out : tuple of (str, int)
+        Files in the folders and globs given that were left out for their suffix: each suffix (lower case, with the
+        dot; "" for none) and how many have it, the most frequent first. Hidden files and the run itself are not
+        counted.
+    """
+
+    run: str
+    n_rows: int
+    n_ok: int
+    n_failed: int
+    n_reused: int
+    unmatched_labels: tuple[str, ...]
+    left_out: tuple[tuple[str, int], ...] = ()
+
+    def __repr__(self) -> str:
+        """Name the run and the counts."""
+        return (
+            f"EvaluationResult({self.run!r}, rows={self.n_rows}, ok={self.n_ok}, failed={self.n_failed}, "
+            f"reused={self.n_reused})"
+        )
+
+    def table(self) -> Any:
+        """Read the table: a `pyarrow.Table` with one row per mesh or cell, sorted by file and cell."""
+        return run_table.read_rows(self.run)
+
+
+def evaluate(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    *,
+    output: str | os.PathLike[str],
+    settings: EvaluateSettings | None = None,
+    labels: str | os.PathLike[str] | None = None,
+    progress: Show | None = None,
+) -> EvaluationResult:
+    """Evaluate many meshes: one table row each, whatever happens to the others.
+
+    Parameters
+    ----------
+    paths : path, glob, URL, or several
+        Mesh files, folders (searched with all folders in them), globs, and fsspec URLs such as ``s3://...``. A
+        polyhedral mesh gives one row per cell: ``.hedra``, ``.mesh``, ``.vtu``, or a folder of numbered files that
+        is called something with "cells" at the end.
+    output : path or URL
+        Directory of the run. If it holds an earlier run, that is continued.
+    settings : EvaluateSettings, optional
+        What to compute and how to run.
+    labels : path, URL or "folders", optional
+        A CSV with columns `file` and `label`, matched by path (also one relative to a folder above the mesh), file
+        name or its stem; or the name of the folder each mesh is in.
+    progress : callable, optional
+        Called with an `EvaluationProgress` about four times a second.
+
+    Returns
+    -------
+    EvaluationResult
+        Counts, and the table on demand.
+
+    Raises
+    ------
+    ValueError
+        If there are no meshes, or labels or scheduler cannot be used.
+    BlockingIOError
+        If another process, or another call in this one, is writing to the run.
+    OSError
+        If the run or the labels cannot be read or written.
+    SolverError
+        If worker processes do not start, are all lost for two minutes, or cannot run this library.
+
+    Notes
+    -----
+    Runs on Dask: worker processes on this machine, or a scheduler elsewhere whose workers have this library and one
+    thread each. A mesh that cannot be read, raises, takes too long, needs too much memory or kills its worker gets a
+    row with `status` "failed" and the `reason`. The time limit is enforced by killing the worker, which needs a nanny.
+
+    Rows are on disk about a second after they were computed, in Parquet parts that appear whole or not at all. A row
+    is computed again when the SHA-256 of its file, the settings that decide what is in it, or the version of this
+    library is another; failed ones only with `retry_failed`. Rows of files that are not given this time stay.
+
+    One process writes to a run at a time: a lock on the folder sees to it, which the system frees when the process
+    ends, however it ends. Object stores have no such lock. The worker processes of this machine talk over TLS with
+    a key of their own; a scheduler elsewhere can run code here and so has to be trusted.
+
+    A script that calls this without `settings.scheduler` must do so under ``if __name__ == "__main__":``, because
+    the worker processes import it.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> cube = voxkernel.as_mesh(([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    ...                           [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    >>> import pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     cube.write(pathlib.Path(folder) / "tetrahedron.ply")
+    ...     result = voxkernel.evaluate(folder, output=pathlib.Path(folder) / "run")
+    ...     result.table().column("verdict").to_pylist()
+    ['star-shaped']
+    """
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    return run_evaluation(given, os.fspath(output), settings or EvaluateSettings(), labels, progress, analyse)
+
+
+def run_evaluation(
+    paths: Sequence[str | os.PathLike[str]],
+    run: str,
+    settings: EvaluateSettings,
+    labels: str | os.PathLike[str] | None,
+    progress: Show | None,
+    analysis: Analyse,
+) -> EvaluationResult:
+    """Evaluate with any `analysis(path, settings, *, name, view)`; it is pickled and runs in the workers."""
+    others: set[str] = set()
+    items, unmatched = labelled(find_items(paths, others), read_labels(labels), settings.views)
+    if not items:
+        raise BadInput(f"`paths` must lead to at least one mesh; got {', '.join(map(str, paths)) or 'none'}")
+    left_out = count_suffixes(others, run=run)
+    fs, run_path = run_table.open_run(run)
+    with locked_run(fs, run_path) as is_locked:
+        if is_locked:
+            run_table.remove_unfinished(run_path)
+        store = RunStore(run)
+        fresh, reused = _divided(items, _known(store.compact()), settings)
+        n_failed = sum(rows[0]["status"] == "failed" for rows in reused.values())
+        store.add_rows(_relabelled(items, reused))
+        run_table.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
+        counts = _Counts(len(items), len(reused), n_failed, progress, store)
+        counts.show()
+        if fresh:
+            _compute(fresh, settings, analysis, store, counts)
+        table = store.compact()
+        counts.show()
+        if settings.csv:
+            run_table.write_csv(store.fs, store.path, table)
+    names = {item.name for item in items}
+    n_rows = sum(file in names for file in table.column("file").to_pylist())
+    n_failed = counts.n_failed
+    return EvaluationResult(
+        run, n_rows, len(items) - n_failed, n_failed, len(reused), tuple(unmatched), left_out
+    )  # fmt: skip
+
+
+class _Counts:
+    """Counts what is on disk and tells the caller."""
+
+    def __init__(self, total: int, n_reused: int, n_failed: int, progress: Show | None, store: RunStore) -> None:
+        self.total, self.n_reused, self.n_failed = total, n_reused, n_failed
+        self._progress, self._store, self._speed = progress, store, Speed()
+
+    def show(self) -> None:
+        """Call the caller's function."""
+        if self._progress is None:
+            return
+        new = self._store.n_stored
+        rate, done = self._speed.at(new), self.n_reused + new
+        remaining = (self.total - done) / rate if rate else None
+        self._progress(EvaluationProgress(self.total, done, self.n_failed, self.n_reused, rate, remaining))
+
+
+def _compute(
+    items: Sequence[Item], settings: EvaluateSettings, analysis: Analyse, store: RunStore, counts: _Counts
+) -> None:
+    """Run the cluster; whatever stops this, rows that came in are written."""
+    try:
+        with connected(settings, len(items)) as cluster:
+            dispatcher = Dispatcher(cluster, items, settings, analysis)
+            try:
+                for outcome in dispatcher.outcomes():
+                    if outcome is not None:
+                        store.add(outcome)
+                        counts.n_failed += not outcome.is_ok
+                    store.flush_if_due()
+                    counts.show()
+            finally:
+                store.flush()
+                dispatcher.stop()
+    finally:
+        store.flush()
+
+
+def _known(table: Any) -> dict[str, list[dict[str, Any]]]:
+    """Give the rows of every file of an earlier run."""
+    known: dict[str, list[dict[str, Any]]] = {}
+    for row in table.to_pylist():
+        known.setdefault(row["file"], []).append(row)
+    return known
+
+
+def _divided(
+    items: Sequence[Item], known: Mapping[str, list[dict[str, Any]]], settings: EvaluateSettings
+) -> tuple[list[Item], dict[str, list[dict[str, Any]]]]:
+    """Divide meshes into those to compute and those whose rows are there: same content, same settings."""
+    wanted = settings_hash(settings)
+    candidates: list[Item] = []
+    for item in items:
+        first = known.get(item.name, [{}])[0]
+        if first.get("settings_hash") != wanted or (first["status"] == "failed" and settings.retry_failed):
+            continue
+        if not item.view or first["view"] or not _may_view(first):
+            candidates.append(item)
+    with ThreadPoolExecutor(8) as readers:  # reads files; SHA-256 does not hold the interpreter
+        hashes = list(readers.map(content_hash, candidates))
+    reused = {
+        item.name: known[item.name]
+        for item, found in zip(candidates, hashes, strict=True)
+        if found == known[item.name][0]["content_hash"]
+    }
+    return [item for item in items if item.name not in reused], reused
+
+
+def _may_view(row: Mapping[str, Any]) -> bool:
+    """Whether a row can have a view at all: failed ones and cells have none."""
+    return row["status"] == "ok" and row["cell"] is None
+
+
+def _relabelled(items: Sequence[Item], reused: Mapping[str, list[dict[str, Any]]]) -> list[Mapping[str, Any]]:
+    """Give the rows whose label has changed, with the new one."""
+    return [
+        {**row, "label": item.label}
+        for item in items
+        for row in reused.get(item.name, [])
+        if row["label"] != item.label
+    ]
+
+
+def _described(
+    settings: EvaluateSettings, paths: Sequence[Any], n_meshes: int, left_out: Sequence[tuple[str, int]]
+) -> dict[str, Any]:
+    import json
+
+    return {
+        "settings": settings.of_results(),
+        "settings_hash": settings_hash(settings),
+        "views": settings.views,
+        "timeout": settings.timeout,
+        "memory_limit": settings.memory_limit,
+        "workers": settings.workers,
+        "paths": [os.fspath(p).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace") for p in paths],
+        "n_meshes": n_meshes,
+        "left_out": dict(left_out),
+        "versions": json.loads(versions_text()),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    }

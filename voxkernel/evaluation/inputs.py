@@ -1,0 +1,290 @@
+"""From paths, folders, globs and URLs to a list of meshes: names, labels, content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import posixpath
+from collections import Counter
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from voxkernel._input_file import check_stored_file, input_file
+from voxkernel.errors import MeshReadError
+from voxkernel.run_table import defused, is_local, open_run
+
+__all__ = [
+    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "labelled", "local_copy",
+    "read_labels", "with_data",
+]  # fmt: skip
+
+_SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .x3d .x3dv".split())
+_SOLIDS = (".hedra", ".mesh", ".vtu")
+_MAGIC = "*?["
+
+
+class BadInput(ValueError):
+    """Arguments of `evaluate` that cannot be meant, as against trouble with a mesh or a cluster."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One mesh: the name it has in the table, where it is, and its bytes if workers cannot read it."""
+
+    name: str
+    url: str
+    label: str | None = None
+    view: bool = False
+    data: bytes | None = None
+
+    @property
+    def suffix(self) -> str:
+        """Lower-case suffix with the dot."""
+        return posixpath.splitext(self.url)[1].lower()
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """Labels of files: a table by name, or the name of the folder."""
+
+    table: dict[str, str] | None
+
+    def of(self, name: str) -> tuple[str | None, str | None]:
+        """Give the label of a file and the entry of the table it was found by."""
+        if self.table is None:
+            folder = posixpath.dirname(name.rstrip("/"))
+            parent = posixpath.basename(os.path.abspath(folder) if folder.endswith("..") else folder)
+            return (parent or None), None
+        parts = posixpath.normpath(name).split("/")
+        ends = ["/".join(parts[k:]) for k in range(len(parts))]  # a table may be relative to any folder above
+        for own in (name, *ends, posixpath.splitext(parts[-1])[0]):
+            for key in (own, defused(own)):  # a table may be one that this library wrote
+                if key in self.table:
+                    return self.table[key], key
+        return None, None
+
+
+def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
+    """Read a CSV with columns `file` and `label`, or take "folders"; None stays None."""
+    import csv
+
+    if labels is None:
+        return None
+    if labels == "folders":
+        return Labels(None)
+    fs, path = _opened(os.fspath(labels))
+    try:
+        check_stored_file(fs, path)
+        with fs.open(path, "rt", encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream)
+            if not {"file", "label"} <= set(reader.fieldnames or ()):
+                raise BadInput(f"`labels` must have columns file and label; got {reader.fieldnames} in '{labels}'")
+            rows: list[tuple[str, str]] = []
+            for row in reader:
+                if row["file"] is None or row["label"] is None:
+                    where = f"'{labels}', line {reader.line_num}"
+                    raise BadInput(f"`labels` must have a file and a label in every row; got {where}")
+                rows.append((row["file"], row["label"]))
+    except UnicodeDecodeError as error:
+        raise BadInput(f"`labels` must be text in UTF-8; got '{labels}', {error}") from None
+    return Labels({file.replace(os.sep, "/"): label for file, label in rows if file})
+
+
+def find_items(paths: Iterable[str | os.PathLike[str]], left_out: set[str] | None = None) -> list[Item]:
+    """Find the meshes of files, folders (with all below), globs and fsspec URLs, sorted by name, each once.
+
+    A file that is named is taken whatever it is; of folders and globs only files with a known suffix are, and the
+    names of the others go to `left_out`.
+    """
+    found: dict[str, str] = {}
+    others: set[str] = set()
+    for path in paths:
+        for name, url in _expanded(os.fspath(path), others):
+            found[_printable(name)] = url
+    if left_out is not None:
+        left_out |= {_printable(name) for name in others} - found.keys()
+    return [Item(name, url) for name, url in sorted(found.items())]
+
+
+def count_suffixes(names: Iterable[str], *, run: str) -> tuple[tuple[str, int], ...]:
+    """Count files by lower-case suffix, the most frequent first; those of the run itself are not counted."""
+    fs, path = open_run(run)
+    inside = _printable(os.path.realpath(path) if is_local(fs) else fs.unstrip_protocol(path)).rstrip("/") + "/"
+    suffixes = [posixpath.splitext(name)[1].lower() for name in names if not _place(name).startswith(inside)]
+    return tuple(sorted(Counter(suffixes).items(), key=lambda item: (-item[1], item[0])))
+
+
+def _place(name: str) -> str:
+    """Where a file is, whatever links lead there."""
+    local = name.removeprefix("file://")
+    return os.path.realpath(local) if _is_local(local) else name
+
+
+def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
+    """Give the name of each mesh a path leads to, and where it is."""
+    if _is_local(path):
+        names, others = _divided(_local(path))
+        left_out |= {str(Path(n)) for n in others}
+        return [(str(Path(n)) if n else n, n) for n in names]  # "./x" and "x" are one row
+    fs, inner = _opened(path)
+    if path.startswith("file://"):
+        names, others = _divided(_local(inner))
+        left_out |= {fs.unstrip_protocol(n) for n in others}
+        return [(fs.unstrip_protocol(n), n) for n in names]
+    if any(c in inner for c in _MAGIC) and not fs.exists(inner):
+        listed = sorted(fs.glob(inner, detail=True).items())
+        names, others = _divided((n, _known(n)) for n, about in listed if _known(n) or about["type"] != "directory")
+    elif fs.isdir(inner):
+        names, others = _divided((n, _known(n)) for n in sorted(fs.find(inner)))
+    else:
+        return [(path, path)]
+    left_out |= {fs.unstrip_protocol(n) for n in others}
+    return [(fs.unstrip_protocol(n), fs.unstrip_protocol(n)) for n in names]
+
+
+def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
+    """Divide files into those to take and the others."""
+    listed = list(files)
+    return [name for name, taken in listed if taken], [name for name, taken in listed if not taken]
+
+
+def _opened(url: str) -> tuple[Any, str]:
+    """Give the file system of a URL and the path there; one that is unknown or not installed is bad input."""
+    import fsspec
+
+    try:
+        return fsspec.core.url_to_fs(url)
+    except (ImportError, ValueError) as error:
+        raise BadInput(f"'{url}' cannot be opened: {error}") from error
+
+
+def _local(path: str) -> list[tuple[str, bool]]:
+    """Expand a path of this machine, relative or absolute as it was given, to files and whether to take them."""
+    import glob
+
+    if any(c in path for c in _MAGIC) and not os.path.exists(path):
+        found = sorted(glob.glob(path, recursive=True))
+        return [file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))])]
+    return _below(path)
+
+
+def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
+    """A file as it is; a folder of cells as one; another folder as the files in it, and which of them to take.
+
+    A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
+    """
+    if not os.path.isdir(path):
+        return [(path, True)]
+    place = os.path.realpath(path)
+    if place in above:
+        return []
+    try:
+        if _is_cells(path):
+            return [(path, True)]
+        entries = sorted(os.scandir(path), key=lambda e: e.name)
+    except OSError:
+        return [(path, True)]
+    files: list[tuple[str, bool]] = []
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        if os.path.isdir(entry.path):
+            files += _below(entry.path, (*above, place))
+        else:
+            files.append((entry.path, _known(entry.name)))
+    return files
+
+
+def _known(name: str) -> bool:
+    return posixpath.splitext(name)[1].lower() in _SURFACES + _SOLIDS
+
+
+def _is_cells(folder: str) -> bool:
+    """Whether a folder holds the cells of one polyhedral mesh: its name ends in "cells", theirs are numbers.
+
+    The numbers alone do not tell: many a data set has them.
+    """
+    if not Path(folder).absolute().name.lower().endswith("cells"):
+        return False
+    from voxkernel.polyhedral import is_polyhedral
+
+    return is_polyhedral(folder)
+
+
+def _printable(name: str) -> str:
+    """Name of a file in the table: slashes, and bytes that are no UTF-8 as escapes."""
+    name = name.replace(os.sep, "/")
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def _is_local(url: str) -> bool:
+    """Whether it is a path of this machine; file names may hold what else makes a chain of file systems."""
+    return ("://" not in url and "::" not in url) or os.path.lexists(url)
+
+
+def _is_private(url: str) -> bool:
+    """Whether only this process can read it."""
+    return url.startswith("memory://")
+
+
+def with_data(item: Item) -> Item:
+    """Put the bytes of a file only this process can read into its item."""
+    if item.data is not None or not _is_private(item.url):
+        return item
+    return Item(item.name, item.url, item.label, item.view, _read(item.url))
+
+
+def content_hash(item: Item) -> str:
+    """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
+    digest = hashlib.sha256()
+    try:
+        if item.data is None and _is_local(item.url) and os.path.isdir(item.url):
+            for name in sorted(os.listdir(item.url)):
+                digest.update(name.encode("utf-8", "surrogateescape") + b"\0")
+                digest.update(hashlib.sha256(input_file(Path(item.url) / name, OSError).read_bytes()).digest())
+        else:
+            digest.update(_read(item.url) if item.data is None else item.data)
+    except Exception:  # any file system may fail in its own way; the mesh's own reader says how
+        return ""
+    return digest.hexdigest()
+
+
+def _read(url: str) -> bytes:
+    if _is_local(url):
+        return input_file(url, OSError).read_bytes()
+    import fsspec
+
+    fs, path = fsspec.core.url_to_fs(url)
+    return bytes(fs.cat_file(path))
+
+
+@contextmanager
+def local_copy(item: Item, folder: str | None = None) -> Generator[tuple[str, str]]:
+    """Give a local path of a mesh and the hash of its content; remote ones are fetched once, to below `folder`."""
+    if item.data is None and _is_local(item.url):
+        yield item.url, content_hash(item)
+        return
+    try:
+        data = _read(item.url) if item.data is None else item.data
+    except Exception as error:
+        raise MeshReadError(f"'{item.name}' cannot be read: {error or type(error).__name__}") from error
+    with TemporaryDirectory(prefix="voxkernel-", dir=folder) as own:
+        file = Path(own) / f"mesh{item.suffix}"
+        file.write_bytes(data)
+        yield str(file), hashlib.sha256(data).hexdigest()
+
+
+def labelled(items: Sequence[Item], labels: Labels | None, views: int | Any) -> tuple[list[Item], list[str]]:
+    """Give items their labels and views; also the entries of the label table that no file matched."""
+    made: list[Item] = []
+    used: set[str] = set()
+    for k, item in enumerate(items):
+        label, key = (None, None) if labels is None else labels.of(item.name)
+        used |= {key} if key else set()
+        made.append(Item(item.name, item.url, label, views == "all" or k < views, item.data))
+    unmatched = [] if labels is None or labels.table is None else sorted(set(labels.table) - used)
+    return made, unmatched

@@ -1,0 +1,150 @@
+"""What an evaluation computes and how it runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from voxkernel._checks import as_choice, as_depth, as_nonnegative, as_positive
+
+__all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
+
+PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
+_FORMAT = 1  # counts up when the same settings give other rows
+_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails")
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluateSettings:
+    """Settings of `voxkernel.evaluate`.
+
+    The first seven decide what is in a row: rows made with others are computed again. The rest may change from
+    one run to the next.
+
+    Parameters
+    ----------
+    domain : {"ball", "hull", "box"}, optional
+        Where kernels are looked for, as for `starshapeness`.
+    gap : float
+        Largest distance of the bounds on the smallest violation, > 0.
+    depth : int
+        2**depth voxels along the domain for the defect profile and for relaxed kernels in pictures, 3 to 12.
+    tolerances : sequence of float
+        Of the defect profile: shares of the surface, in [0, 1]. `PROFILE_TOLERANCES` are 0, 0.02, ... 0.5.
+    visible : bool
+        Cast rays: how much is really visible from the star centre.
+    energies : int, optional
+        Largest degree of spherical-harmonic energies about the star centre, 0 to 256; None leaves them out.
+    thumbnails : bool
+        Draw each surface with its kernel, 240 x 180 pixels.
+    views : int or "all"
+        How many surfaces, the first ones by name, get a simplified copy to turn in a report.
+    timeout : float, optional
+        Seconds a mesh may take before its worker is killed; None waits for ever.
+    memory_limit : int or str, optional
+        Memory of one worker, bytes or such as "4GB"; by default its share of 90 % of the machine's.
+    workers : int, optional
+        Processes of the local cluster; one per core by default.
+    scheduler : str, optional
+        Address of a Dask scheduler to use instead, such as "tcp://10.0.0.1:8786".
+    retry_failed : bool
+        Try again what failed in an earlier run.
+    csv : bool
+        Write `rows.csv` as well.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a value cannot be used.
+
+    Examples
+    --------
+    >>> EvaluateSettings(tolerances=PROFILE_TOLERANCES, thumbnails=True, timeout=60).depth
+    6
+    """
+
+    domain: Literal["ball", "hull", "box"] | None = None
+    gap: float = 1e-4
+    depth: int = 6
+    tolerances: Sequence[float] = (0.01, 0.03, 0.1)
+    visible: bool = False
+    energies: int | None = None
+    thumbnails: bool = False
+    views: int | Literal["all"] = 0
+    timeout: float | None = 300.0
+    memory_limit: int | str | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    retry_failed: bool = False
+    csv: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every value before anything is computed."""
+        if self.domain is not None:
+            as_choice("domain", self.domain, ("ball", "hull", "box"))
+        as_positive("gap", self.gap)
+        as_depth("depth", self.depth, 3, 12)
+        tolerances = tuple(as_nonnegative("tolerances", v) for v in self.tolerances)
+        if not tolerances or max(tolerances) > 1.0:
+            raise ValueError(f"`tolerances` must be one or more shares of at most 1; got {tolerances}")
+        object.__setattr__(self, "tolerances", tolerances)
+        if self.energies is not None:
+            as_depth("energies", self.energies, 0, 256)
+        if self.views != "all":
+            as_depth("views", self.views, 0, 2**31)
+        if self.timeout is not None:
+            as_positive("timeout", self.timeout)
+        if self.workers is not None:
+            as_depth("workers", self.workers, 1, 4096)
+        self.memory_bytes()
+
+    def memory_bytes(self) -> int | None:
+        """Give the memory limit in bytes; None where none was given."""
+        if self.memory_limit is None:
+            return None
+        from dask.utils import parse_bytes
+
+        try:
+            limit = int(parse_bytes(self.memory_limit))
+        except (ValueError, TypeError):
+            raise ValueError(f"`memory_limit` must be bytes, or such as '4GB'; got {self.memory_limit!r}") from None
+        if limit < 2**28:
+            raise ValueError(f"`memory_limit` must be at least 256 MiB; got {self.memory_limit!r}")
+        return limit
+
+    def of_results(self) -> dict[str, Any]:
+        """Give the settings that decide what is in a row."""
+        values = {name: getattr(self, name) for name in _RESULTS}
+        return {**values, "tolerances": list(self.tolerances)}
+
+
+def settings_text(settings: EvaluateSettings) -> str:
+    """Write the settings that decide what is in a row as JSON."""
+    return json.dumps(settings.of_results(), sort_keys=True)
+
+
+def settings_hash(settings: EvaluateSettings) -> str:
+    """Name these settings, for this version of the library."""
+    from voxkernel._version import __version__
+
+    text = json.dumps([_FORMAT, __version__, settings_text(settings)])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def versions_text() -> str:
+    """Write the versions that a result may depend on as JSON."""
+    from importlib.metadata import PackageNotFoundError, version
+    from platform import python_version
+
+    from voxkernel._version import __version__
+
+    found = {"voxkernel": __version__, "python": python_version()}
+    for name in ("numpy", "scipy", "open3d-cpu", "open3d", "pymeshlab"):
+        try:
+            found[name.removesuffix("-cpu")] = version(name)
+        except PackageNotFoundError:
+            continue
+    return json.dumps(found, sort_keys=True)

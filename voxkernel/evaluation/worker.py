@@ -1,0 +1,178 @@
+"""The task that runs in a Dask worker: some meshes one after the other, each with a time and a memory limit.
+
+A mesh that raises costs its row. A mesh that takes the process down (a reader that segfaults, the time limit)
+loses this task; the dispatcher then sends its meshes again, one by one.
+"""
+
+from __future__ import annotations
+
+import atexit
+import faulthandler
+import os
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from time import perf_counter
+from typing import Any
+
+from voxkernel.errors import VoxKernelError
+from voxkernel.evaluation.analysis import Analysis, analyse, warm_up
+from voxkernel.evaluation.inputs import Item, content_hash, local_copy
+from voxkernel.evaluation.settings import EvaluateSettings, settings_hash, settings_text, versions_text
+
+__all__ = ["OWN_WORKER", "Outcome", "failed_outcome", "run_batch"]
+
+OWN_WORKER = "VOXKERNEL_WORKER"  # in the environment of worker processes that `evaluate` has started
+
+Analyse = Callable[..., Analysis]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came out for one mesh: its rows, the files they name, and the seconds it took."""
+
+    name: str
+    rows: tuple[Mapping[str, Any], ...]
+    files: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
+    seconds: float = 0.0
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether the mesh was evaluated."""
+        return all(row["status"] == "ok" for row in self.rows)
+
+
+def run_batch(items: Sequence[Item], settings: EvaluateSettings, analysis: Analyse = analyse) -> list[Outcome]:
+    """Evaluate meshes, in a worker."""
+    _end_at_once()
+    if analysis is analyse:
+        _warm_once()
+    return [_evaluated(item, settings, analysis) for item in items]
+
+
+def failed_outcome(item: Item, settings: EvaluateSettings, reason: str, *, known_hash: str, seconds: float) -> Outcome:
+    """Give the row of a mesh that could not be evaluated."""
+    row = {**_about(item, settings, known_hash, seconds), "status": "failed", "reason": reason}
+    return Outcome(item.name, (row,), seconds=seconds)
+
+
+@cache
+def _warm_once() -> None:
+    warm_up()
+
+
+@cache
+def _end_at_once() -> None:
+    """Let a worker process of ours end without destructors: PyMeshLab's crash when another thread has used it."""
+    if OWN_WORKER in os.environ:
+        atexit.register(os._exit, 0)
+
+
+@cache
+def _versions() -> str:
+    return versions_text()
+
+
+def _about(item: Item, settings: EvaluateSettings, known_hash: str, seconds: float) -> dict[str, Any]:
+    """Give the columns every row has."""
+    return {
+        "file": item.name,
+        "label": item.label,
+        "content_hash": known_hash,
+        "settings_hash": settings_hash(settings),
+        "settings": settings_text(settings),
+        "versions": _versions(),
+        "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "seconds": seconds,
+    }
+
+
+def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Outcome:
+    begin = perf_counter()
+    known_hash, path = "", ""
+    try:
+        with _limited(settings), local_copy(item, _worker_folder()) as (path, known_hash):
+            picture = f"{(known_hash or 'unreadable')[:24]}-{settings_hash(settings)[:8]}"
+            done = analysis(path, settings, name=picture, view=item.view)
+    except Exception as error:  # whatever a reader or a bug throws is this mesh's reason
+        seconds = perf_counter() - begin
+        reason = _reason(error).replace(path, item.name) if path else _reason(error)
+        known_hash = known_hash or content_hash(item)
+        return failed_outcome(item, settings, reason, known_hash=known_hash, seconds=seconds)
+    seconds = perf_counter() - begin
+    about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)))
+    rows = tuple({**about, "status": "ok", "reason": "", **row} for row in done.rows)
+    if not rows:
+        return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds)
+    return Outcome(item.name, rows, done.files, seconds)
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return f"out of memory: {error}" if str(error) else "out of memory"
+    text = " ".join(str(error).split())[:500]
+    return text if isinstance(error, VoxKernelError) and text else f"{type(error).__name__}: {text}".removesuffix(": ")
+
+
+@contextmanager
+def _limited(settings: EvaluateSettings) -> Generator[None]:
+    """Limit time and memory of what runs inside.
+
+    A compiled function that hangs with the interpreter's lock held can only be ended with its process: a watchdog
+    thread in C does that. It is set only where a nanny starts another process.
+    """
+    limit, watched = settings.memory_bytes(), settings.timeout is not None and _has_nanny()
+    with open(os.devnull, "w") as nowhere:
+        if watched and settings.timeout is not None:
+            faulthandler.dump_traceback_later(settings.timeout, exit=True, file=nowhere)
+        before = _limit_memory(limit)
+        try:
+            yield
+        finally:
+            _restore_memory(before)
+            if watched:
+                faulthandler.cancel_dump_traceback_later()
+
+
+def _worker() -> Any:
+    """Give the Dask worker this runs in, None elsewhere."""
+    from distributed import get_worker
+
+    try:
+        return get_worker()
+    except ValueError:
+        return None
+
+
+def _has_nanny() -> bool:
+    worker = _worker()
+    return worker is not None and worker.nanny is not None
+
+
+def _worker_folder() -> str | None:
+    """Give the folder of a worker, where what a killed one leaves is removed."""
+    worker = _worker()
+    return None if worker is None else str(worker.local_directory)
+
+
+def _limit_memory(limit: int | None) -> tuple[int, int] | None:
+    """Let allocations beyond the limit raise MemoryError, where the system can; else the nanny ends the process."""
+    if limit is None:
+        return None
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    soft = limit if before[1] == resource.RLIM_INFINITY else min(limit, before[1])
+    resource.setrlimit(resource.RLIMIT_DATA, (soft, before[1]))
+    return before
+
+
+def _restore_memory(before: tuple[int, int] | None) -> None:
+    if before is not None:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, before)

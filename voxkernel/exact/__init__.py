@@ -1,0 +1,11 @@
+"""Half-spaces in, the kernel as a polytope out, with a certificate in rational arithmetic."""
+
+from voxkernel.exact.certificate import Certificate
+from voxkernel.exact.exact_kernel import KernelPolytope, exact_kernel, kernel_of_halfspaces
+
+__all__ = [
+    "Certificate",
+    "KernelPolytope",
+    "exact_kernel",
+    "kernel_of_halfspaces",
+]

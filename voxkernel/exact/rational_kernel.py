@@ -1,0 +1,237 @@
+"""Kernels that floating point cannot resolve: flat, or so thin that rationals must find the corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from math import sqrt
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import N_BINS, tightest_by_direction
+from voxkernel.exact.rational_clipping import RationalPolytope, clip_interval, clip_polygon, clip_polyhedron
+from voxkernel.halfspaces import Feasibility, HalfSpaces
+from voxkernel.halfspaces.predicates import exact_slacks
+
+__all__ = ["RationalKernel", "RationalPoint", "rational_kernel", "rational_moments", "rough_corners"]
+
+RationalPoint = tuple[Fraction, Fraction, Fraction]
+_Number = TypeVar("_Number", Fraction, int)
+RationalKernel = tuple[list[RationalPoint], list[tuple[int, list[int]]]]
+
+_REACHES = (8, 2**14, 2**28, 2**60, 2**120)
+
+
+def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel | None:
+    """Find the corners of a kernel of dimension 0 to 3 exactly, in lattice coordinates.
+
+    Half-spaces are added lazily: the polytope of a working set is clipped, every half-space that
+    is not clear of its corners is tried in integers, and those that cut it join the working set.
+    Faces name the row of `planes` that made them. Returns None where the kernel is unbounded.
+    """
+    assert inside.point is not None  # the caller asks for non-empty kernels only
+    if inside.dimension == 0:
+        return [inside.point], []
+    groups = planes.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    if len(heads) < len(planes):
+        working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
+        kernel = rational_kernel(planes.select(heads), replace(inside, working_set=working_set))
+        return None if kernel is None else (kernel[0], [(int(heads[r]), f) for r, f in kernel[1]])
+    rows = inside.working_set[:256]
+    while True:
+        polytope = _clip_rows(planes, rows, inside)
+        if polytope is None:
+            missing = np.setdiff1d(inside.working_set, rows)
+            if not len(missing):
+                missing = _directions_missing(planes, inside, rows)
+            if not len(missing):
+                missing = np.setdiff1d(np.arange(len(planes)), rows)
+            if not len(missing):
+                return None
+            rows = np.concatenate([rows, missing[:1024]])
+            continue
+        corners = [_lift(p, inside) for p in polytope.vertices]
+        fresh = _cutting_rows(planes, corners, rows)
+        if not len(fresh):
+            used = [r for r, _ in polytope.faces]
+            return corners, [(int(rows[r]), f) for r, (_, f) in zip(used, polytope.faces, strict=True)]
+        rows = np.concatenate([rows, fresh])
+
+
+def rough_corners(planes: HalfSpaces, inside: Feasibility) -> list[RationalPoint] | None:
+    """Give corners, relative to the point, of a solid that contains the kernel and is about as thin.
+
+    The tightest half-spaces around the point, few at a time, until they bound a solid.
+    """
+    assert inside.local_point is not None
+    slack = planes.local_offsets - planes.local_normals @ inside.local_point
+    order = np.argsort(slack, kind="stable")
+    others = _directions_missing(planes, inside, order[:16])
+    tight = np.concatenate([order[:16], others[_well_spread(planes.local_normals[others])]])
+    for count in (32, 64, 128, len(planes)):
+        polytope = _clip_rows(planes, tight[:count], inside)
+        if polytope is not None:
+            return [(x, y, z) for x, y, z in polytope.vertices]  # the directions of a solid are the axes
+        tight = np.concatenate([tight, np.setdiff1d(order, tight)])
+    return None
+
+
+def _clip_rows(planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility) -> RationalPolytope | None:
+    """Clip in coordinates of the affine hull; None when the start still shows."""
+    assert inside.point is not None
+    clip = {1: clip_interval, 2: clip_polygon, 3: clip_polyhedron}[inside.dimension]
+    reduced = []
+    names = []
+    for i, p in zip(range(len(rows)), planes.integer_planes(rows), strict=True):
+        normal = tuple(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in inside.directions)
+        if any(normal):
+            reduced.append((normal, p[3] - sum((u * v for u, v in zip(p[:3], inside.point, strict=True)), Fraction(0))))
+            names.append(i)
+    unit = Fraction(planes.scale) * planes.lattice_unit
+    shortest = min(max(abs(v) for v in w) for w in inside.directions)
+    for reach in _REACHES:
+        polytope = clip(reduced, reach * unit / shortest)
+        if all(r >= 0 for r, _ in polytope.faces):
+            return RationalPolytope(polytope.vertices, [(names[r], f) for r, f in polytope.faces])
+    return None
+
+
+def _lift(z: tuple[Fraction, ...], inside: Feasibility) -> RationalPoint:
+    assert inside.point is not None
+    x, y, w = (
+        inside.point[k] + sum((d[k] * v for d, v in zip(inside.directions, z, strict=True)), Fraction(0))
+        for k in range(3)
+    )
+    return x, y, w
+
+
+def _cutting_rows(
+    planes: HalfSpaces, corners: list[RationalPoint], known: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """List half-spaces that some corner violates, exactly, but for the known ones; the worst few per round."""
+    local = np.array([planes.from_lattice(c) for c in corners])
+    low, high = local.min(axis=0), local.max(axis=0)
+    center, half = 0.5 * (low + high), 0.5 * (high - low)
+    error = planes.local_errors * (np.abs(local).max() * 2 + 1) + 16 * 2.0**-53 * (1 + np.abs(local).max())
+    support = planes.local_normals @ center + np.abs(planes.local_normals) @ half
+    ids = np.setdiff1d(np.flatnonzero(support - planes.local_offsets >= -error), known)
+    excess = (planes.local_normals[ids] @ local.T).max(axis=1) - planes.local_offsets[ids]
+    cutting: list[int] = []
+    ids, excess = ids[excess >= -error[ids]], excess[excess >= -error[ids]]
+    for i in ids[np.argsort(-excess, kind="stable")]:
+        if any(exact_slacks(planes, [i], c)[0] < 0 for c in corners):
+            cutting.append(int(i))
+            if len(cutting) >= 24:
+                break
+    return np.array(cutting, np.int64)
+
+
+def _well_spread(normals: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Order directions so that each is far from all before it: the first few bound what all bound."""
+    order = np.zeros(len(normals), np.int64)
+    nearest = np.full(len(normals), -np.inf)  # cosine of the angle to the nearest one chosen
+    for k in range(1, len(normals)):
+        nearest = np.maximum(nearest, normals @ normals[order[k - 1]])
+        nearest[order[k - 1]] = np.inf
+        order[k] = np.argmin(nearest)
+    return order
+
+
+def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
+    assert inside.local_point is not None
+    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
+    tightest_by_direction(
+        planes.local_normals,
+        planes.local_offsets,
+        planes.local_errors,
+        inside.local_point,
+        np.inf,
+        ids,
+        slacks,
+    )
+    return np.setdiff1d(ids[ids >= 0], rows)
+
+
+def rational_moments(
+    dimension: int, corners: list[RationalPoint], faces: list[list[int]]
+) -> tuple[Fraction, Fraction, RationalPoint, list[list[Fraction]]]:
+    """Volume, area (its root rounded), centroid and second central moment of a rational polytope.
+
+    Solids are cut into tetrahedra from corner 0, polygons into triangles. Corners of solids are rounded
+    to a grid so fine that no double of the result notices.
+    """
+    zero = Fraction(0)
+    base = corners[0]
+    relative = [[u - v for u, v in zip(c, base, strict=True)] for c in corners]
+    second = [[zero] * 3 for _ in range(3)]
+    if dimension < 3:
+        area = zero
+        weights: list[tuple[Fraction, list[Fraction]]] = []
+        if dimension == 2:
+            for i, j in faces:
+                size = _length(_cross(relative[i], relative[j])) / 2
+                area += size
+                weights.append((size, [(u + v) / 3 for u, v in zip(relative[i], relative[j], strict=True)]))
+        else:
+            weights = [(Fraction(1), r) for r in relative]
+        total = sum((w for w, _ in weights), zero)
+        mean = [sum((w * m[k] for w, m in weights), zero) / total + base[k] for k in range(3)]
+        return zero, area, (mean[0], mean[1], mean[2]), second
+    size = max(abs(v) for r in relative for v in r)
+    bits = 256
+    while True:
+        unit = Fraction(2) ** (size.numerator.bit_length() - size.denominator.bit_length() + 1 - bits)
+        volume6, area2, first24, second120 = _moments([[round(v / unit) for v in r] for r in relative], faces)
+        # Rounding moves corners by one unit: the thinner the solid, the more bits its moments need.
+        needed = 64 + 3 * (3 * bits - volume6.bit_length())
+        if volume6 > 0 and bits >= needed:
+            break
+        bits = needed if volume6 > 0 else 4 * bits
+    mean = [Fraction(v, 4 * volume6) for v in first24]
+    second = [
+        [(Fraction(second120[p][q], 120) - Fraction(volume6, 6) * mean[p] * mean[q]) * unit**5 for q in range(3)]
+        for p in range(3)
+    ]
+    x, y, z = (u * unit + v for u, v in zip(mean, base, strict=True))
+    return Fraction(volume6, 6) * unit**3, area2 * unit**2 / 2, (x, y, z), second
+
+
+def _moments(
+    corners: list[list[int]], faces: list[list[int]]
+) -> tuple[int, Fraction, list[int], list[list[int]]]:
+    """6 x volume, 2 x area, 24 x first and 120 x second moment about the origin, in integers but for the area."""
+    volume = 0
+    area = Fraction(0)
+    first = [0] * 3
+    second = [[0] * 3 for _ in range(3)]
+    for ring in faces:
+        for j, k in pairwise(ring[1:]):
+            a, b, c = corners[ring[0]], corners[j], corners[k]
+            normal = _cross([u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)])
+            area += _length(normal)
+            part = sum(u * v for u, v in zip(a, normal, strict=True))
+            volume += part
+            total = [u + v + w for u, v, w in zip(a, b, c, strict=True)]
+            for p in range(3):
+                first[p] += part * total[p]
+                for q in range(3):
+                    second[p][q] += part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total[p] * total[q])
+    return volume, area, first, second
+
+
+def _cross(a: list[_Number], b: list[_Number]) -> list[_Number]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def _length(a: Sequence[Fraction | int]) -> Fraction:
+    """Length of a rational vector, rounded to a double's accuracy but not to its range."""
+    largest = max(abs(v) for v in a)
+    if largest == 0:
+        return Fraction(0)
+    return largest * Fraction(sqrt(sum(float(v / largest) ** 2 for v in a)))

@@ -1,0 +1,27 @@
+"""Arrays of voxels in, `SparseGrid` out, and from there to files and other libraries. Knows no geometry."""
+
+from voxkernel.grid.sparse_grid import SparseGrid
+from voxkernel.grid.to_other_libraries import (
+    LinearOctree,
+    read_npz,
+    to_linear_octree,
+    to_open3d_points,
+    to_open3d_voxels,
+    to_pyvista_cells,
+    to_pyvista_image,
+    to_surface,
+    write_npz,
+)
+
+__all__ = [
+    "LinearOctree",
+    "SparseGrid",
+    "read_npz",
+    "to_linear_octree",
+    "to_open3d_points",
+    "to_open3d_voxels",
+    "to_pyvista_cells",
+    "to_pyvista_image",
+    "to_surface",
+    "write_npz",
+]

@@ -1,0 +1,276 @@
+"""Whether half-spaces have a common point: a deep point, or a witness that there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import gcd
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import find_deep_point
+from voxkernel.errors import SolverError
+from voxkernel.halfspaces.half_spaces import HalfSpaces
+from voxkernel.halfspaces.predicates import touched_and_violated
+from voxkernel.halfspaces.rational_program import as_integers, deepest_rational_point, kernel_of_rows, rank_of
+
+__all__ = ["Feasibility", "Witness", "find_feasibility"]
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """Half-spaces and multipliers >= 0 with sum(l n) = 0 and sum(l d) <= 0, in exact integers.
+
+    Below zero no point satisfies all of them; at zero every common point lies on each of them.
+    """
+
+    ids: tuple[int, ...]
+    multipliers: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """The dimension of the common part of half-spaces, and what proves it.
+
+    `point` is exact, in lattice coordinates, and lies in the relative interior; `directions` span
+    the affine hull; `witnesses` prove that the dimension is not larger. `working_set` holds the
+    half-spaces that mattered. `passes` counts the sweeps over all half-spaces.
+    """
+
+    dimension: int
+    point: tuple[Fraction, Fraction, Fraction] | None
+    directions: tuple[tuple[int, int, int], ...]
+    witnesses: tuple[Witness, ...]
+    working_set: NDArray[np.int64]
+    local_point: NDArray[np.float64] | None
+    clearance: float
+    passes: int
+
+
+def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
+    """Find the dimension of the intersection of half-spaces, exactly for the doubles given.
+
+    Floating point proposes, with a bound on every rounding error; what it cannot prove is decided
+    in rational arithmetic on a working set that grows until no half-space objects.
+
+    Parameters
+    ----------
+    halfspaces : HalfSpaces
+        At least one.
+
+    Returns
+    -------
+    Feasibility
+        dimension -1 (empty) to 3, with a point or witnesses.
+    """
+    rows, passes, answer = _float_stage(halfspaces)
+    if answer is not None:
+        return answer
+    # Exactly coplanar facets would all be touched and tried one by one: one of each plane is enough.
+    groups = halfspaces.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    found = _exact_stage(halfspaces.select(heads), np.unique(np.searchsorted(heads, groups[rows])), passes)
+    witnesses = tuple(Witness(tuple(int(heads[i]) for i in w.ids), w.multipliers) for w in found.witnesses)
+    return replace(found, witnesses=witnesses, working_set=heads[found.working_set])
+
+
+def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
+    """Grow a working set until it is proven solid or empty, or floating point has said all it can."""
+    rows, opposing, gap, depth, point, nearest, passes = find_deep_point(
+        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
+    )
+    witness = _empty_witness(halfspaces, opposing)
+    if witness is not None:
+        return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, gap, passes)
+    if depth == 0.0:
+        return nearest, passes, None
+    every = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    return rows, passes, Feasibility(3, halfspaces.to_lattice(point), every, (), rows, point, depth, passes)
+
+
+def _empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | None:
+    """Prove in integers that a handful of half-spaces have no common point; None when they have one."""
+    if not len(ids):
+        return None
+    planes = halfspaces.integer_planes(ids)
+    multipliers = _cofactors(planes)
+    if multipliers is not None:
+        return Witness(tuple(int(i) for i in ids), multipliers)
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in planes], 3, unit=unit)
+    if optimum.clearance >= 0:
+        return None
+    return _witness(ids, optimum.multipliers)
+
+
+def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | None:
+    """Multipliers of four planes in general position that have no common point; None for any other."""
+    if len(planes) != 4:
+        return None
+    signed: list[int] = []
+    for skip in range(4):
+        a, b, c = (p for i, p in enumerate(planes) if i != skip)
+        determinant = (
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            - a[1] * (b[0] * c[2] - b[2] * c[0])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        signed.append(-determinant if skip % 2 else determinant)
+    if all(v < 0 for v in signed):
+        signed = [-v for v in signed]
+    if not all(v > 0 for v in signed) or sum(m * p[3] for m, p in zip(signed, planes, strict=True)) >= 0:
+        return None
+    divisor = gcd(*signed)
+    return tuple(v // divisor for v in signed)
+
+
+def _witness(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:
+    used = sorted(multipliers)
+    return Witness(tuple(int(ids[i]) for i in used), tuple(as_integers([multipliers[i] for i in used])))
+
+
+def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -> Feasibility:
+    """Decide in rationals on the working set; add half-spaces that object until none does."""
+    while True:
+        dimension, point, directions, witnesses, equal = _decide_rows(halfspaces, rows)
+        if dimension < 0 or point is None:
+            return Feasibility(-1, None, (), witnesses, rows, None, 0.0, passes)
+        if halfspaces.is_cone and dimension == 0:  # the apex satisfies every plane
+            return Feasibility(
+                0, point, directions, witnesses, rows, halfspaces.from_lattice(point), 0.0, passes
+            )
+        touched, violated = touched_and_violated(halfspaces, point)
+        passes += 1
+        fresh = np.setdiff1d(violated, rows)
+        if not len(fresh):
+            if len(violated):
+                raise SolverError("the exact linear program returned a point outside its own half-spaces")
+            # A touched plane that is not constant on the affine hull leaves the point on the rim.
+            others = np.setdiff1d(touched, rows)
+            planes = halfspaces.integer_planes(others)
+            on_rim = [
+                i
+                for i, p in zip(others, planes, strict=True)
+                if any(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in directions)
+            ]
+            if not on_rim:
+                local = halfspaces.from_lattice(point)
+                return Feasibility(
+                    dimension, point, directions, witnesses, np.union1d(rows, equal), local, 0.0, passes
+                )
+            fresh = np.array(on_rim, np.int64)
+        rows = np.concatenate([rows, _most_different(halfspaces, fresh)])
+
+
+def _most_different(halfspaces: HalfSpaces, ids: NDArray[np.int64], count: int = 64) -> NDArray[np.int64]:
+    """Thin out a long list of objecting planes evenly; the rest objects again if it still matters."""
+    return ids if len(ids) <= count else ids[:: -(-len(ids) // count)]
+
+
+_Decision = tuple[
+    int,
+    tuple[Fraction, Fraction, Fraction] | None,
+    tuple[tuple[int, int, int], ...],
+    tuple[Witness, ...],
+    NDArray[np.int64],
+]
+
+
+def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
+    """Find dimension, relative interior point and witnesses for the working set alone.
+
+    Where the largest clearance is zero, the half-spaces with positive multipliers hold with
+    equality; the search goes on in their common affine subspace, at most three times.
+    """
+    planes = halfspaces.integer_planes(rows)
+    base: tuple[Fraction, Fraction, Fraction] = (Fraction(0), Fraction(0), Fraction(0))
+    directions = kernel_of_rows([])
+    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
+    equal: list[int] = []
+    witnesses: list[Witness] = []
+    while directions:
+        reduced = [
+            (
+                tuple(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in directions),
+                p[3] - sum((u * v for u, v in zip(p[:3], base, strict=True)), Fraction(0)),
+            )
+            for p in planes
+        ]
+        moving = [i for i, (normal, _) in enumerate(reduced) if any(normal)]
+        length = max(max(map(abs, w)) for w in directions)
+        optimum = deepest_rational_point([reduced[i] for i in moving], len(directions), unit=unit / length)
+        multipliers = {moving[i]: m for i, m in optimum.multipliers.items()}
+        if optimum.clearance < 0:
+            return -1, None, (), (_witness(rows, multipliers),), rows[equal]
+        shift = [
+            sum((w[k] * z for w, z in zip(directions, optimum.point, strict=True)), Fraction(0))
+            for k in range(3)
+        ]
+        base = (base[0] + shift[0], base[1] + shift[1], base[2] + shift[2])
+        if optimum.clearance > 0:
+            break
+        equal += sorted(multipliers)
+        witnesses.append(_lifted_witness(rows, planes, equal))
+        directions = kernel_of_rows([planes[i][:3] for i in equal])
+    dimension = len(directions)
+    if equal and 3 - rank_of([planes[i][:3] for i in equal]) != dimension:
+        raise SolverError("the exact linear program lost count of the dimension")
+    return dimension, base, tuple(directions), tuple(witnesses), rows[equal]
+
+
+def _lifted_witness(
+    rows: NDArray[np.int64], planes: list[tuple[int, int, int, int]], equal: list[int]
+) -> Witness:
+    """Turn equalities found in a subspace into one witness in space: sum(l n) = 0 and sum(l d) = 0, all l > 0.
+
+    A half-space is an implicit equality of a set exactly when some non-negative combination with a
+    positive share of it vanishes; maximising the smallest share finds one for all at once.
+    """
+    combination = _positive_combination([planes[i] for i in equal])
+    if combination is None:
+        raise SolverError("the equalities of a flat kernel have no common witness")
+    return Witness(tuple(int(rows[i]) for i in equal), tuple(as_integers(combination)))
+
+
+def _positive_combination(planes: list[tuple[int, int, int, int]]) -> list[Fraction] | None:
+    """Find l > 0 with sum(l * plane) = 0 for a handful of planes in 4-space."""
+    n = len(planes)
+    total = [Fraction(0)] * n
+    for i in range(n):
+        part = _combination_with(planes, i)
+        if part is None:
+            return None
+        total = [u + v for u, v in zip(total, part, strict=True)]
+    return total
+
+
+def _combination_with(planes: list[tuple[int, int, int, int]], chosen: int) -> list[Fraction] | None:
+    """Find l >= 0 with l[chosen] = 1 and sum(l * plane) = 0, trying sets of at most 4 other planes."""
+    from itertools import combinations
+
+    from voxkernel.halfspaces.rational_program import solve_rational
+
+    target = [-Fraction(v) for v in planes[chosen]]
+    others = [i for i in range(len(planes)) if i != chosen]
+    for size in range(1, 5):
+        for subset in combinations(others, size):
+            # Least squares in rationals: exact solution iff the residual vanishes.
+            gram = [
+                [Fraction(sum(planes[i][k] * planes[j][k] for k in range(4))) for j in subset] for i in subset
+            ]
+            right = [sum((planes[i][k] * target[k] for k in range(4)), Fraction(0)) for i in subset]
+            solution = solve_rational(gram, right)
+            if solution is None or any(v < 0 for v in solution):
+                continue
+            if all(
+                sum((v * planes[i][k] for v, i in zip(solution, subset, strict=True)), Fraction(0))
+                == target[k]
+                for k in range(4)
+            ):
+                result = [Fraction(0)] * len(planes)
+                result[chosen] = Fraction(1)
+                for v, i in zip(solution, subset, strict=True):
+                    result[i] = v
+                return result
+    return None

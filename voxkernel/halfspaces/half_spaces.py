@@ -1,0 +1,513 @@
+"""From an oriented surface to the inner half-spaces of its facets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import frexp, isqrt, ldexp, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_points, read_only
+from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
+from voxkernel.errors import MeshError
+from voxkernel.halfspaces.rational_program import rank_of
+from voxkernel.mesh import TriangleMesh, as_mesh
+
+__all__ = ["HalfSpaces", "IntegerPlane", "as_halfspaces"]
+
+IntegerPlane = tuple[int, int, int, int]
+
+_EXPLICIT_ERROR = 32 * 2.0**-53
+_LARGEST = 2.0**200
+_THINNEST = 2.0**-300
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class HalfSpaces:
+    """The inner half-spaces `n . x <= d` of a surface, ready for floating-point and exact work.
+
+    Floating-point work happens in local coordinates `(x - origin) / scale`, in which every corner
+    of the surface has length at most 1; exact work happens on integers made from the input doubles.
+
+    Attributes
+    ----------
+    local_normals, local_offsets : (n, 3) and (n,) float64
+        Unit normals and offsets in local coordinates.
+    local_errors : (n,) float64
+        The error of `n . x - d` at a local `x` is at most `local_errors * (|x| + 1)`.
+    weights : (n,) float64
+        Facet areas, in squared mesh units.
+    facet_ids : (n,) int64
+        The input facet of each half-space; `-1 - j` for the j-th plane given explicitly.
+    origin, scale : (3,) float64 and float
+        The local frame; `scale` is a power of two.
+    n_degenerate : int
+        Facets without area that were left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> planes = HalfSpaces.from_planes([[1, 0, 0], [-1, 0, 0]], [2, 0])
+    >>> planes.offsets
+    array([2., 0.])
+    """
+
+    local_normals: NDArray[np.float64]
+    local_offsets: NDArray[np.float64]
+    local_errors: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    facet_ids: NDArray[np.int64]
+    origin: NDArray[np.float64]
+    scale: float
+    n_degenerate: int
+    bounds_volume: bool
+    _vertices: NDArray[np.float64]
+    _corners: NDArray[np.int64]  # (n, 3) vertex ids; row (-1 - j, 0, 0) is explicit plane j
+    _explicit: NDArray[np.float64]  # (k, 4) n, d as given
+    _lattice_bits: int  # every input double times 2**bits is an integer
+    is_triangulation: bool = False  # the rows are the triangles of the surface, none left out
+    is_cone: bool = False  # the surface planes moved to the origin: directions, not points
+
+    @classmethod
+    def from_mesh(cls, mesh: TriangleMesh) -> HalfSpaces:
+        """Build the half-spaces of a mesh; facets without area are dropped and counted.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The surface; its facet planes are taken from the float64 corners as given.
+
+        Returns
+        -------
+        HalfSpaces
+            In facet order.
+
+        Raises
+        ------
+        MeshError
+            If no facet has an area, or the axes span too much or too little for doubles.
+        """
+        return cls._from_spans(mesh, _THINNEST)
+
+    @classmethod
+    def _from_spans(cls, mesh: TriangleMesh, thinnest: float) -> HalfSpaces:
+        """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
+        vertices, corners = mesh.vertices, mesh.plane_corners
+        faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
+        low, high, smallest = coordinate_range(vertices, faces)
+        origin, scale = _local_frame(low, high)
+        _check_spans((high - low).tolist(), thinnest)
+        bits = _bits_of(smallest)
+        n = len(corners)
+        normals, offsets = np.empty((n, 3)), np.empty(n)
+        areas, errors = np.empty(n), np.empty(n)
+        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+        bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
+        if undecided:
+            frame = (origin, scale, bits)
+            for i in np.flatnonzero(errors == -1.0):
+                plane = _triangle_plane(vertices, corners[i], bits)
+                normals[i], offsets[i], areas[i], errors[i] = _round_plane(plane, *frame)
+        keep = errors >= 0.0
+        n_kept = int(np.count_nonzero(keep))
+        if n_kept == 0:
+            raise MeshError(f"`mesh` must have a facet with positive area; got {n} facets without area")
+        areas = mesh.plane_areas.copy() if mesh.plane_corners is not mesh.faces else areas * scale**2
+        facet_ids = mesh.plane_facets
+        if n_kept < n:
+            normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
+            facet_ids, corners = facet_ids[keep], corners[keep]
+        if bounds_volume:
+            exact = (_triangle_plane(vertices, row, bits)[:3] for row in corners)
+            bounds_volume = _span_space(normals, exact)
+        return cls(
+            local_normals=read_only(normals),
+            local_offsets=read_only(offsets),
+            local_errors=read_only(errors),
+            weights=read_only(areas),
+            facet_ids=read_only(facet_ids),
+            origin=read_only(origin),
+            scale=scale,
+            n_degenerate=n - n_kept,
+            bounds_volume=bounds_volume,
+            _vertices=vertices,
+            _corners=read_only(corners),
+            _explicit=read_only(np.empty((0, 4))),
+            _lattice_bits=bits,
+            is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,
+        )
+
+    @classmethod
+    def from_planes(
+        cls, normals: ArrayLike, offsets: ArrayLike, *, weights: ArrayLike | None = None
+    ) -> HalfSpaces:
+        """Build half-spaces `n . x <= d` from planes given as numbers; these doubles are exact.
+
+        Parameters
+        ----------
+        normals : (n, 3) array_like
+            Outward normals, of any length but zero.
+        offsets : (n,) array_like
+            Right-hand sides `d`.
+        weights : (n,) array_like, optional
+            Weight of each half-space; 1 by default.
+
+        Returns
+        -------
+        HalfSpaces
+            In the order given; `facet_ids` are 0 .. n - 1.
+
+        Raises
+        ------
+        ValueError
+            If the shapes do not match, a number is not finite, or a normal is zero.
+        """
+        rows = _as_plane_rows(normals, offsets)
+        n = len(rows)
+        if weights is None:
+            weight_array = np.ones(n)
+        else:
+            weight_array = np.array(weights, dtype=np.float64)
+            if weight_array.shape != (n,) or not (np.isfinite(weight_array) & (weight_array >= 0)).all():
+                raise ValueError(f"`weights` must be {n} finite numbers >= 0; got {weights!r}")
+        reach = float(np.max(np.abs(_unit_rows(rows)[1]), initial=0.0))
+        empty = np.empty(0)
+        nothing = cls(
+            local_normals=np.empty((0, 3)),
+            local_offsets=empty,
+            local_errors=empty,
+            weights=empty,
+            facet_ids=np.empty(0, np.int64),
+            origin=read_only(np.zeros(3)),
+            scale=_power_of_two(reach),
+            n_degenerate=0,
+            bounds_volume=False,
+            _vertices=np.empty((0, 3)),
+            _corners=np.empty((0, 3), np.int64),
+            _explicit=np.empty((0, 4)),
+            _lattice_bits=0,
+        )
+        return nothing._with_rows(rows, np.arange(n), weight_array)
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit outward normals, (n, 3)."""
+        return self.local_normals
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Offsets `d` in world coordinates, (n,): the half-space is `n . x <= d`."""
+        return self.local_offsets * self.scale + self.local_normals @ self.origin
+
+    def __len__(self) -> int:
+        """Return the number of half-spaces."""
+        return len(self.local_offsets)
+
+    def __repr__(self) -> str:
+        """Name the size and what was left out."""
+        return f"HalfSpaces(n={len(self)}, n_degenerate={self.n_degenerate})"
+
+    def select(self, ids: NDArray[Any]) -> HalfSpaces:
+        """Keep the half-spaces `ids` (indices or mask), in that order."""
+        return replace(
+            self,
+            local_normals=read_only(self.local_normals[ids]),
+            local_offsets=read_only(self.local_offsets[ids]),
+            local_errors=read_only(self.local_errors[ids]),
+            weights=read_only(self.weights[ids]),
+            facet_ids=read_only(self.facet_ids[ids]),
+            bounds_volume=False,
+            is_triangulation=False,
+            _corners=read_only(self._corners[ids]),
+        )
+
+    def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
+        """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
+        rows = _as_plane_rows(normals, offsets, most=16 * _LARGEST)  # of a ball around the largest of surfaces
+        return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
+
+    def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map local points to world coordinates."""
+        return local * self.scale + self.origin
+
+    def to_local(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map world points to local coordinates."""
+        return (world - self.origin) / self.scale
+
+    def to_lattice(self, local: NDArray[np.float64]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map a local double point to exact lattice coordinates (world times 2**bits)."""
+        unit, per_scale = self.scale.as_integer_ratio()
+        unit <<= self._lattice_bits
+        x, y, z = (
+            _dyadic_sum(v * unit, w * per_scale, o << self._lattice_bits, p)
+            for (v, w), (o, p) in zip(_ratios(local), _ratios(self.origin), strict=True)
+        )
+        return x, y, z
+
+    def from_lattice(self, point: Sequence[Fraction | int]) -> NDArray[np.float64]:
+        """Round an exact lattice point to local coordinates; infinite beyond the range of doubles."""
+        shift = 1 << self._lattice_bits
+        inverse = 1 / Fraction(self.scale)
+        return np.array(
+            [
+                _to_float((Fraction(v) / shift - Fraction(float(o))) * inverse)
+                for v, o in zip(point, self.origin, strict=True)
+            ]
+        )
+
+    def lattice_to_world(self, point: Sequence[Fraction | int]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map an exact lattice point to exact world coordinates."""
+        x, y, z = (Fraction(v.numerator, v.denominator << self._lattice_bits) for v in point)
+        return x, y, z
+
+    def world_to_lattice(self, point: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
+        """Map an exact world point to exact lattice coordinates."""
+        x, y, z = (Fraction(v.numerator << self._lattice_bits, v.denominator) for v in point)
+        return x, y, z
+
+    @property
+    def lattice_unit(self) -> int:
+        """Lattice units per world unit, a power of two."""
+        return 1 << self._lattice_bits
+
+    def integer_planes(self, ids: NDArray[Any] | Sequence[int]) -> list[IntegerPlane]:
+        """Give planes exactly: integers (a, b, c, d) with `(a, b, c) . y <= d` in lattice coordinates y."""
+        planes: list[IntegerPlane] = []
+        for i in ids:
+            row = self._corners[i]
+            if row[0] < 0:
+                planes.append(_explicit_plane(self._explicit[-1 - row[0]], self._lattice_bits))
+            else:
+                a, b, c, d = _triangle_plane(self._vertices, row, self._lattice_bits)
+                planes.append((a, b, c, 0 if self.is_cone else d))
+        return planes
+
+    def recession_cone(self) -> HalfSpaces:
+        """Move all planes through the origin: the directions in which the common part never ends.
+
+        Explicit half-spaces become exact cones too; planes appended later are taken as given.
+        """
+        explicit = self._explicit.copy()
+        explicit[:, 3] = 0.0
+        return replace(
+            self,
+            local_offsets=read_only(np.zeros(len(self))),
+            origin=read_only(np.zeros(3)),
+            scale=1.0,
+            is_triangulation=False,
+            is_cone=True,
+            _explicit=read_only(explicit),
+        )
+
+    def coplanar_groups(self) -> NDArray[np.int64]:
+        """Name for each half-space the first exactly coplanar one that faces the same way, (n,).
+
+        Facets so thin that their rounded planes differ are left alone, and so are surfaces with
+        coordinates beyond 2**-300 .. 2**300; merging saves work, no answer depends on it.
+        """
+        return coplanar_groups(self.local_normals, self.local_offsets, self._vertices, self._corners)
+
+    def merged(self) -> HalfSpaces:
+        """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""
+        groups = self.coplanar_groups()
+        heads = np.flatnonzero(groups == np.arange(len(self)))
+        if len(heads) == len(self):
+            return self
+        weights = np.bincount(groups, weights=self.weights, minlength=len(self))[heads].astype(np.float64)
+        return replace(self.select(heads), weights=read_only(weights), bounds_volume=self.bounds_volume)
+
+    def corner_ids(self) -> NDArray[np.int64]:
+        """Vertex ids of the corners that define each plane, (n, 3); negative rows are explicit planes."""
+        return self._corners
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """The vertices `corner_ids` refer to, (v, 3), world coordinates."""
+        return self._vertices
+
+    def _with_rows(
+        self, rows: NDArray[np.float64], facet_ids: NDArray[np.int64], weights: NDArray[np.float64]
+    ) -> HalfSpaces:
+        unit, distance = _unit_rows(rows)
+        local = (distance - unit @ self.origin) / self.scale
+        size = (np.abs(distance) + np.linalg.norm(self.origin)) / self.scale
+        errors = _EXPLICIT_ERROR * (1.0 + size)
+        first = len(self._explicit)
+        corners = np.zeros((len(rows), 3), np.int64)
+        corners[:, 0] = -1 - first - np.arange(len(rows))
+        return replace(
+            self,
+            local_normals=_joined(self.local_normals, unit),
+            local_offsets=_joined(self.local_offsets, local),
+            local_errors=_joined(self.local_errors, errors),
+            weights=_joined(self.weights, weights),
+            facet_ids=_joined(self.facet_ids, facet_ids),
+            is_triangulation=False,
+            _corners=_joined(self._corners, corners),
+            _explicit=_joined(self._explicit, rows),
+            _lattice_bits=max(self._lattice_bits, _lattice_bits(rows)),
+        )
+
+
+def _joined(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
+    return read_only(np.concatenate([one, two]))
+
+
+def as_halfspaces(surface: Any, *, facets: Any = None) -> HalfSpaces:
+    """Take half-spaces as they are; make them from anything `as_mesh` takes."""
+    if isinstance(surface, HalfSpaces):
+        return surface if facets is None else surface.select(np.asarray(facets))
+    return HalfSpaces.from_mesh(as_mesh(surface, facets=facets))
+
+
+def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = _LARGEST) -> NDArray[np.float64]:
+    normal_array = as_points("normals", normals)
+    offset_array = np.array(offsets, dtype=np.float64)
+    if offset_array.shape != (len(normal_array),):
+        raise ValueError(f"`offsets` must have shape ({len(normal_array)},); got {offset_array.shape}")
+    if not np.isfinite(offset_array).all():
+        raise ValueError("`offsets` must be finite; got NaN or infinity")
+    zero = np.flatnonzero(~normal_array.any(axis=1))
+    if zero.size:
+        raise ValueError(f"`normals` must not be zero; got a zero normal in row {zero[0]}")
+    rows = np.column_stack([normal_array, offset_array])
+    far = np.flatnonzero(~(np.abs(_unit_rows(rows)[1]) <= most))
+    if far.size:
+        limit = f"2**{frexp(most)[1] - 1} times the length of their normal"
+        raise ValueError(f"`offsets` must be at most {limit}; got row {far[0]} beyond")
+    return rows
+
+
+def _unit_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals and distances, scaled by powers of two first, so that no length leaves the range of doubles."""
+    if not len(rows):
+        return np.empty((0, 3)), np.empty(0)
+    _, exponents = np.frexp(np.abs(rows[:, :3]).max(axis=1))
+    with np.errstate(over="ignore"):
+        scaled = rows / np.ldexp(1.0, exponents - 1)[:, None]
+    lengths = np.linalg.norm(scaled[:, :3], axis=1)
+    return scaled[:, :3] / lengths[:, None], scaled[:, 3] / lengths
+
+
+def _power_of_two(value: float) -> float:
+    """Choose the smallest power of two that is at least `value`, so that scaling is exact."""
+    if value == 0.0:
+        return 1.0
+    mantissa, exponent = frexp(value)
+    return ldexp(1.0, exponent - (mantissa == 0.5))
+
+
+def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    lower, upper = low.tolist(), high.tolist()
+    largest = max(map(abs, lower + upper))
+    span = max(v - u for u, v in zip(lower, upper, strict=True))
+    if largest > _LARGEST or span < 1 / _LARGEST:
+        raise MeshError(
+            "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
+            f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
+        )
+    origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
+    square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))
+    return np.array(origin), _power_of_two(sqrt(square) * (1 + 1e-12))
+
+
+def _check_spans(spans: list[float], thinnest: float) -> None:
+    thin = [v for v in spans if 0.0 < v < max(spans) * thinnest]
+    if thin:
+        raise MeshError(
+            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
+            f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
+        )
+
+
+def _lattice_bits(values: NDArray[np.float64]) -> int:
+    """Find bits so that every value times 2**bits is an integer."""
+    if values.size == 0:
+        return 0
+    magnitudes = np.abs(values)
+    return _bits_of(float(np.min(magnitudes, where=magnitudes > 0, initial=np.inf)))
+
+
+def _bits_of(smallest: float) -> int:
+    if smallest == np.inf:
+        return 0
+    return max(0, 53 - frexp(smallest)[1])
+
+
+def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
+    """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
+    for rows in (normals[:: max(1, len(normals) // 64)], normals):
+        if _least_spread(rows) > 1e-9:
+            return True
+    return rank_of(exact) == 3
+
+
+def _least_spread(normals: NDArray[np.float64]) -> float:
+    """A lower bound of the mean square of unit normals along any direction, up to rounding."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (normals.T @ normals / len(normals)).tolist()
+    # The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
+    return 4.0 * (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz))
+
+
+def _ratios(values: NDArray[np.float64]) -> list[tuple[int, int]]:
+    return [v.as_integer_ratio() for v in values.tolist()]
+
+
+def _dyadic_sum(a: int, p: int, b: int, q: int) -> Fraction:
+    """Add a / p and b / q for powers of two p and q."""
+    return Fraction(a + b * (p // q), p) if p >= q else Fraction(a * (q // p) + b, q)
+
+
+def _to_float(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else -float("inf")
+
+
+def _to_integer(value: float, bits: int) -> int:
+    numerator, denominator = value.as_integer_ratio()
+    return (numerator << bits) // denominator
+
+
+def _triangle_plane(vertices: NDArray[np.float64], row: NDArray[np.int64], bits: int) -> IntegerPlane:
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
+        [_to_integer(float(v), bits) for v in vertices[corner]] for corner in row
+    )
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return nx, ny, nz, nx * ax + ny * ay + nz * az
+
+
+def _explicit_plane(row: NDArray[np.float64], bits: int) -> IntegerPlane:
+    extra = max(0, _lattice_bits(row) - bits)
+    a, b, c = (_to_integer(float(v), bits + extra) for v in row[:3])
+    d = _to_integer(float(row[3]), bits + extra)
+    return a, b, c, d << bits
+
+
+def _round_plane(
+    plane: IntegerPlane, origin: NDArray[np.float64], scale: float, bits: int
+) -> tuple[tuple[float, float, float], float, float, float]:
+    """Round an exact plane to a local one; error -2 where the normal is exactly zero."""
+    a, b, c, d = plane
+    square = a * a + b * b + c * c
+    if square == 0:
+        return (0.0, 0.0, 0.0), 0.0, 0.0, -2.0
+    shift = 64
+    length = isqrt(square << (2 * shift))
+    normal = (
+        float(Fraction(a << shift, length)),
+        float(Fraction(b << shift, length)),
+        float(Fraction(c << shift, length)),
+    )
+    ox, oy, oz = (Fraction(float(v)) * (1 << bits) for v in origin)
+    distance = (d - a * ox - b * oy - c * oz) * (1 << shift) / length
+    unit = Fraction(scale) * (1 << bits)
+    area = Fraction(length, 1 << shift) / (2 * unit * unit)
+    return normal, float(distance / unit), float(area), 8 * 2.0**-53

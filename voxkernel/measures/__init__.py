@@ -1,0 +1,19 @@
+"""Surfaces and kernels in, numbers out: verdict, defect, visibility, moments, sample points."""
+
+from voxkernel.measures.moments import KernelMoments, kernel_moments
+from voxkernel.measures.points import KernelPoints, kernel_points
+from voxkernel.measures.starshapeness import DefectProfile, Starshapeness, defect_profile, starshapeness
+from voxkernel.measures.visibility import VisibleFraction, visible_fraction
+
+__all__ = [
+    "DefectProfile",
+    "KernelMoments",
+    "KernelPoints",
+    "Starshapeness",
+    "VisibleFraction",
+    "defect_profile",
+    "kernel_moments",
+    "kernel_points",
+    "starshapeness",
+    "visible_fraction",
+]

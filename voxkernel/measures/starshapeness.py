@@ -1,0 +1,381 @@
+"""How star-shaped a surface is: verdict, volume ratio, centre and proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_depth, as_nonnegative, as_positive, read_only
+from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
+from voxkernel.exact.convexity import is_locally_convex
+from voxkernel.exact.exact_kernel import resolve_surface
+from voxkernel.halfspaces import Domain, HalfSpaces
+from voxkernel.halfspaces.domain import surface_frame
+from voxkernel.measures.visibility import VisibleFraction, visible_fraction
+from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.relaxed import StarCenter
+from voxkernel.relaxed.facet_weights import WeighedPlanes, halfspaces_of, relaxed_domain, weigh
+from voxkernel.relaxed.root_cube import MIN_DEPTH, root_cube
+from voxkernel.relaxed.violation import center_of_planes
+from voxkernel.voxels.relaxed_octree import relaxed_cells_of
+
+__all__ = ["DefectProfile", "Starshapeness", "defect_profile", "starshapeness"]
+
+_GAP = 1e-4
+_TOLERANCES = (0.01, 0.03, 0.1)
+_PROFILE = np.linspace(0.0, 0.5, 26)
+_PROFILE_DEPTH = 6
+
+Verdict = Literal["star-shaped", "degenerate", "not star-shaped"]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Starshapeness:
+    """Whether and how much a surface is star-shaped.
+
+    Attributes
+    ----------
+    verdict : {"star-shaped", "degenerate", "not star-shaped"}
+        "degenerate" is a kernel without volume: a point, a segment or a flat polygon. The verdict
+        is about the surface alone, never about the domain.
+    ratio : float
+        Kernel volume over `reference_volume`, in [0, 1]; exactly 1 for convex closed shapes; NaN
+        where the reference volume is not positive.
+    volume, volume_bounds : float and (float, float)
+        Kernel volume, mesh units cubed, inside the domain where there is one.
+    reference : {"enclosed volume", "domain volume"}
+        What the ratio divides by: the enclosed volume of surfaces that bound one, else the domain's.
+    reference_volume : float
+        Mesh units cubed.
+    dimension : int
+        Dimension of the kernel without the domain, -1 to 3.
+    center : (3,) float64 or None
+        Deepest point of the kernel; None when it is empty.
+    clearance : float
+        Distance of the centre from the nearest facet plane; NaN when empty.
+    certificate : Certificate
+        Proof of `dimension`.
+    reason : str
+        Why the surface is not star-shaped; "" when it is.
+    notes : tuple of str
+        What a reader should know about the input, such as facets that point inwards.
+    n_facets, n_degenerate : int
+        Facets in use, and facets without area that were left out.
+    is_closed : bool
+        Whether every edge is traversed equally often in both directions.
+    kernel : KernelPolytope
+        The kernel inside the domain.
+    violation_bounds : (float, float)
+        Certain bounds on the smallest share of the area that a point of the domain does not face; (0, 0)
+        when the kernel inside the domain is not empty. Ranks surfaces that are not star-shaped.
+    star_center : (3,) float64
+        The point that faces the most of the surface, as `best_center`; the kernel's deepest point if any.
+    visible : VisibleFraction or None
+        What is really visible from there; None unless asked for.
+    profile : DefectProfile or None
+        Volume shares of the relaxed kernels for a few tolerances; None unless asked for.
+    """
+
+    verdict: Verdict
+    ratio: float
+    volume: float
+    volume_bounds: tuple[float, float]
+    reference: Literal["enclosed volume", "domain volume"]
+    reference_volume: float
+    dimension: int
+    center: NDArray[np.float64] | None
+    clearance: float
+    certificate: Certificate
+    reason: str
+    notes: tuple[str, ...]
+    n_facets: int
+    n_degenerate: int
+    is_closed: bool
+    kernel: KernelPolytope
+    violation_bounds: tuple[float, float]
+    star_center: NDArray[np.float64]
+    visible: VisibleFraction | None
+    profile: DefectProfile | None
+
+    def __repr__(self) -> str:
+        """Name verdict, ratio and volume, and the defect where there is one."""
+        low, high = self.violation_bounds
+        defect = f", violation_bounds=({low:.6g}, {high:.6g})" if high else ""
+        return f"Starshapeness({self.verdict!r}, ratio={self.ratio:.6g}, volume={self.volume:.6g}{defect})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything but the polytope as plain numbers, ready for JSON; NaN becomes None."""
+        return {
+            "verdict": self.verdict,
+            "ratio": _or_none(self.ratio),
+            "volume": _or_none(self.volume),
+            "volume_bounds": list(self.volume_bounds),
+            "reference": self.reference,
+            "reference_volume": _or_none(self.reference_volume),
+            "dimension": self.dimension,
+            "center": None if self.center is None else self.center.tolist(),
+            "clearance": _or_none(self.clearance),
+            "certificate": self.certificate.to_dict(),
+            "reason": self.reason,
+            "notes": list(self.notes),
+            "n_facets": self.n_facets,
+            "n_degenerate": self.n_degenerate,
+            "is_closed": self.is_closed,
+            "domain": None if self.kernel.domain is None else self.kernel.domain.kind,
+            "cut_by_domain": self.kernel.cut_by_domain,
+            "is_bounded": self.kernel.is_bounded,
+            "violation_bounds": list(self.violation_bounds),
+            "star_center": self.star_center.tolist(),
+            "visible": None if self.visible is None else self.visible.to_dict(),
+            "profile": None if self.profile is None else self.profile.to_dict(),
+        }
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class DefectProfile:
+    """The share of the domain that the relaxed kernels of a surface fill: a signature of its shape.
+
+    It does not change when the surface is moved, turned or scaled, but for the width of its bounds.
+
+    Attributes
+    ----------
+    tolerances : (k,) float64
+        Shares of the surface that a point may not face.
+    volume_share_bounds : (k, 2) float64
+        Certain bounds on the volume of each relaxed kernel over the volume of the domain.
+    domain : Domain
+        Where the kernels were looked for.
+    depth : int
+        Of the grid the volumes were counted on.
+    """
+
+    tolerances: NDArray[np.float64]
+    volume_share_bounds: NDArray[np.float64]
+    domain: Domain
+    depth: int
+
+    def __repr__(self) -> str:
+        """Name range and depth."""
+        return f"DefectProfile({len(self.tolerances)} tolerances up to {self.tolerances.max():.6g}, depth={self.depth})"
+
+    @property
+    def volume_share(self) -> NDArray[np.float64]:
+        """Middle of the bounds, (k,)."""
+        return self.volume_share_bounds.mean(axis=1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything as plain numbers, ready for JSON."""
+        return {
+            "tolerances": self.tolerances.tolist(),
+            "volume_share_bounds": self.volume_share_bounds.tolist(),
+            "domain": self.domain.kind,
+            "depth": self.depth,
+        }
+
+
+def defect_profile(
+    surface: Any,
+    *,
+    tolerances: ArrayLike | None = None,
+    depth: int = _PROFILE_DEPTH,
+    domain: Any = None,
+    facets: Any = None,
+    threads: int = 1,
+) -> DefectProfile:
+    """Compute how the volume of the relaxed kernel grows with the tolerance, in one traversal.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    tolerances : (k,) array_like, optional
+        Shares of the surface by area, in [0, 1]; 0, 0.02, ... 0.5 by default.
+    depth : int
+        2**depth voxels along the bounding cube of the domain, 3 to 20; the bounds halve with each level.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        As for `best_center`: the convex hull of closed surfaces, the ball polytope about open ones. A "box"
+        does not move with the surface.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+    threads : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    DefectProfile
+        In the order of `tolerances`.
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        If the surface, the domain or a number cannot be used.
+
+    Notes
+    -----
+    The grid lies in the principal frame of the surface. The domain's volume is taken to be right to 1e-9.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> profile = voxkernel.defect_profile(tetrahedron, tolerances=[0.0, 0.5])
+    >>> low, high = profile.volume_share_bounds[0].tolist()
+    >>> low > 0.8, high
+    (True, 1.0)
+    """
+    halfspaces, mesh = halfspaces_of(surface, facets)
+    values = np.array(_PROFILE if tolerances is None else tolerances, dtype=np.float64)
+    if values.ndim != 1 or not len(values):
+        raise ValueError(f"`tolerances` must have shape (k,) with k > 0; got {values.shape}")
+    if max(as_nonnegative("tolerances", v) for v in values) > 1.0:
+        raise ValueError(f"`tolerances` must be at most 1, the whole surface; got {values.max():g}")
+    levels = as_depth("depth", depth, MIN_DEPTH, 20)
+    planes = weigh(halfspaces)
+    region = relaxed_domain(planes.is_closed, mesh, domain)
+    return _profile(planes, mesh, region, values, levels, as_depth("threads", threads, 1, 256))
+
+
+def _profile(
+    planes: WeighedPlanes,
+    mesh: TriangleMesh | None,
+    region: Domain,
+    values: NDArray[np.float64],
+    depth: int,
+    threads: int,
+) -> DefectProfile:
+    """Count the voxels of all relaxed kernels."""
+    cube, _ = root_cube(region.vertices, np.eye(3) if mesh is None else surface_frame(mesh)[1])
+    cells = relaxed_cells_of(planes, region, cube, depth, [float(v) for v in values], threads=threads, count_only=True)
+    voxel = (cube.edge / 2**depth) ** 3 / region.volume
+    shares = np.array(
+        [(c.n_inside * voxel * (1 - 1e-9), (c.n_inside + c.n_boundary) * voxel * (1 + 1e-9)) for c in cells]
+    )
+    return DefectProfile(read_only(values), read_only(np.minimum(shares, 1.0)), region, depth)
+
+
+def starshapeness(
+    surface: Any, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
+) -> Starshapeness:
+    """Classify a surface as star-shaped or not and score it by its kernel's volume.
+
+    Parameters
+    ----------
+    surface : mesh, path or (vertices, faces)
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        Where the kernel's volume is measured; none for surfaces that bound a volume and "ball" for
+        open ones by default.
+    gap : float
+        Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
+    detail : bool
+        Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
+        and 0.1, as well.
+
+    Returns
+    -------
+    Starshapeness
+        A surface that is not star-shaped is a result, not an error.
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        As `exact_kernel`.
+
+    Notes
+    -----
+    A surface is star-shaped iff its kernel is not empty [1]_. The verdict is exact for the float64
+    coordinates given and comes with a certificate.
+
+    References
+    ----------
+    .. [1] N. Werghi, "The Discrete Surface Kernel: Framework and Applications", 2008.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> score = voxkernel.starshapeness(tetrahedron)
+    >>> score.verdict, score.ratio
+    ('star-shaped', 1.0)
+    """
+    mesh = as_mesh(surface, facets=facets)
+    halfspaces, region = resolve_surface(mesh, domain=domain)
+    kernel = kernel_of_halfspaces(halfspaces, region)
+    notes = _notes(halfspaces, kernel)
+    certificate, center, clearance = kernel.certificate, kernel.deepest_point, kernel.clearance
+    dimension = kernel.unclipped_dimension
+    if kernel.dimension != dimension:  # the domain changed the answer: the proof is about the surface alone
+        certificate = kernel.unclipped_certificate
+        if kernel.unclipped_point is not None:
+            center = kernel.unclipped_point
+            clearance = max(0.0, float((halfspaces.offsets - halfspaces.normals @ center).min()))
+    closed = halfspaces.bounds_volume
+    # Divergence theorem with the facet planes: exact for closed surfaces up to rounding.
+    enclosed = float(halfspaces.local_offsets @ halfspaces.weights) * halfspaces.scale / 3.0
+    reference_volume = enclosed if closed else (region.volume if region is not None else float("nan"))
+    ratio = kernel.volume / reference_volume if reference_volume > 0 else (0.0 if dimension < 3 else float("nan"))
+    if ratio > 1.0 - 1e-9:
+        # Locally convex at every edge and wound once (the volumes agree) is convex.
+        ratio = 1.0 if not closed or is_locally_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
+    share = as_positive("gap", gap)
+    planes = weigh(halfspaces)
+    if kernel.dimension >= 0:
+        star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
+    else:
+        star = center_of_planes(planes, mesh, region, share)
+    extra = _detail(mesh, planes, region, star.point) if detail else (None, None)
+    return Starshapeness(
+        "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
+        ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
+        reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
+        _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
+        star.violation_bounds, star.point, *extra,
+    )  # fmt: skip
+
+
+def _detail(
+    mesh: TriangleMesh, planes: WeighedPlanes, domain: Any, point: NDArray[np.float64]
+) -> tuple[VisibleFraction, DefectProfile]:
+    """Cast rays from the star centre and measure a few relaxed kernels."""
+    region = relaxed_domain(planes.is_closed, mesh, domain)
+    profile = _profile(planes, mesh, region, np.array(_TOLERANCES), _PROFILE_DEPTH, 1)
+    return visible_fraction(mesh, point), profile
+
+
+def _notes(halfspaces: HalfSpaces, kernel: KernelPolytope) -> tuple[str, ...]:
+    notes: list[str] = []
+    if halfspaces.n_degenerate:
+        notes.append(f"{halfspaces.n_degenerate} facets without area left out")
+    if not halfspaces.bounds_volume:
+        notes.append("surface is open or not consistently oriented")
+    elif float(halfspaces.local_offsets @ halfspaces.weights) < 0:
+        notes.append("facets point inwards: the enclosed volume is negative; repair(mesh, orient=True) turns them")
+    if kernel.unclipped_dimension >= 0 and kernel.dimension < kernel.unclipped_dimension:
+        where = "outside" if kernel.dimension < 0 else "on the rim of"
+        notes.append(f"the kernel lies {where} the domain, near {_format(kernel.unclipped_point)}")
+    elif kernel.cut_by_domain:
+        notes.append("the domain cuts the kernel" + ("" if kernel.is_bounded else ", which is unbounded"))
+    return tuple(notes)
+
+
+def _reason(dimension: int, certificate: Certificate) -> str:
+    ids = ", ".join(map(str, certificate.facet_ids))
+    if dimension < 0:
+        return f"no point is on the inner side of facets {ids} at once"
+    if dimension < 3:
+        return f"the kernel is only a {('point', 'segment', 'flat polygon')[dimension]}, held by facets {ids}"
+    return ""
+
+
+def _format(point: NDArray[np.float64] | None) -> str:
+    return "?" if point is None else "(" + ", ".join(f"{v:.4g}" for v in point) + ")"
+
+
+def _or_none(value: float) -> float | None:
+    return value if isfinite(value) else None

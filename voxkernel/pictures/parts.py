@@ -1,0 +1,83 @@
+"""What pictures share: the suffix check, four parts under a heading as PNG, and a plotly figure as a page."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["INK", "PALE", "Draw", "check_picture", "heading", "save_page", "write_parts"]
+
+INK, PALE = "#1d2733", "#5d6b7a"
+_HEAD, _TOP = 120, 40
+
+Draw = Callable[[Any, Any], None]
+
+
+def check_picture(path: str | os.PathLike[str]) -> tuple[Path, str]:
+    """Give the path and its suffix, which says what to write."""
+    target = Path(path)
+    kind = target.suffix.lower()
+    if kind not in (".png", ".html"):
+        raise ValueError(f"`path` must end in .png or .html; got '{target.name}'")
+    return target, kind
+
+
+def heading(title: str, words: str) -> dict[str, Any]:
+    """Title and caption for the layout of a plotly figure, as text and not as markup."""
+    text = f"{html.escape(title)}<br><span style='font-size:15px;color:{PALE}'>{html.escape(words)}</span>"
+    return {"text": text, "x": 0.03, "xanchor": "left", "y": 0.97, "font": {"color": INK, "size": 24}}
+
+
+def save_page(figure: Any, path: Path, name: str, *, style: str = "") -> None:
+    """Write a plotly figure as one page that fills the window and needs no network."""
+    config = {"displaylogo": False, "responsive": True}
+    page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")
+    head = f"<head><title>{html.escape(name)}</title><style>html,body{{height:100%;margin:0;{style}}}</style>"
+    path.write_text(page.replace("<head>", head, 1), encoding="utf-8")
+
+
+def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, Draw]], size: tuple[int, int]) -> None:
+    """Draw up to four named parts, two in a row, under a title and a caption."""
+    from PIL import Image, ImageDraw
+
+    from voxkernel.pictures.png import _write
+
+    part = (size[0] // 2, (size[1] - _HEAD) // 2)
+    page = Image.new("RGB", size, "white")
+    pen = ImageDraw.Draw(page)
+    _write(pen, (36, 18), title, 38, INK, size[0] - 72)
+    _write(pen, (36, 68), words, 22, PALE, size[0] - 72)
+    for i, (name, draw) in enumerate(parts):
+        left, upper = (i % 2) * part[0], _HEAD + (i // 2) * part[1]
+        room = (part[0], part[1] - _TOP)
+        image = Image.fromarray(_drawn(draw, room)).resize(room, Image.Resampling.LANCZOS)
+        page.paste(image, (left, upper + _TOP))
+        _write(pen, (left + 36, upper + 8), name, 21, INK, part[0] - 72)
+    page.save(path, optimize=True)
+
+
+def _drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """One part, larger than needed."""
+    import pyvista
+
+    from voxkernel.pictures.png import _light, _silent_vtk
+
+    with _silent_vtk():
+        pixels = [round(1.5 * v) for v in size]
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
+        try:
+            _light(plotter, pyvista)
+            plotter.set_background("white")
+            draw(plotter, pyvista)
+            plotter.render_window.SetMultiSamples(0)
+            plotter.render_window.AlphaBitPlanesOn()
+            plotter.enable_depth_peeling(12)
+            return np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+        finally:
+            plotter.close()

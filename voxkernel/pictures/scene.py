@@ -1,0 +1,187 @@
+"""What a picture of a surface and its kernel shows, as plain arrays: shared by PNG and HTML."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh.connected_components import components
+from voxkernel.mesh.polygons import used_vertices, without_strays
+
+__all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
+
+SURFACE, KERNEL, WITNESS, LINE = "#7fb0e6", "#ff7a14", "#d3202f", "#2f4460"
+
+# Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
+_SHARP_DEG = 30.0
+_COARSE = 300
+_FLAT = 1.0 - 1e-6
+# Sharp edges that hang together for less than this share of the diagonal are specks, not features.
+_SPECK = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Triangles, lines and points to draw, world coordinates.
+
+    `kernel_lines` and `surface_lines` are (k, 2, 3) segments. `witness_faces` are surface triangles of
+    the certificate of an empty kernel; from the centre of each, `witness_inward` points to its inner side.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    surface_lines: NDArray[np.float64]
+    is_open: bool
+    kernel_vertices: NDArray[np.float64]
+    kernel_faces: NDArray[np.int64]
+    kernel_lines: NDArray[np.float64]
+    witness_faces: NDArray[np.int64]
+    witness_centers: NDArray[np.float64]
+    witness_inward: NDArray[np.float64]
+    view: NDArray[np.float64]
+    up: NDArray[np.float64]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(k, 3): every vertex drawn."""
+        return np.concatenate([self.vertices[np.unique(self.faces)], self.kernel_vertices])
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the surface's bounding box."""
+        used = self.vertices[np.unique(self.faces)]
+        return float(np.linalg.norm(np.ptp(used, axis=0)))
+
+
+def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
+    """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None."""
+    corners = mesh.vertices[mesh.faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(doubled, axis=1, keepdims=True)
+    normals = np.divide(doubled, length, out=np.zeros_like(doubled), where=length > 0)
+    lines, is_open = _feature_lines(mesh, normals)
+    points, triangles, edges = _kernel_parts(kernel)
+    witness = np.zeros(0, np.int64)
+    if kernel is not None and len(points) == 0:
+        ids = [i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0]
+        # One triangle stands for each facet: the arrow needs one place.
+        witness = np.array([int(np.flatnonzero(mesh.facet_ids == i)[0]) for i in ids], np.int64)
+    view, up = _camera(mesh, doubled, points, is_open)
+    # Programs that draw make room for every vertex they are given.
+    return Scene(
+        *without_strays(mesh.vertices, mesh.faces), lines, is_open, points, triangles, edges,
+        np.flatnonzero(np.isin(mesh.facet_ids, mesh.facet_ids[witness])),
+        corners[witness].mean(axis=1), -normals[witness], view, up,
+    )  # fmt: skip
+
+
+def caption_of(mesh: TriangleMesh, kernel: Any) -> str:
+    """Say verdict, volume and ratio in one line."""
+    if kernel is None:
+        return f"{mesh.n_facets:,} facets"
+    tolerance = float(getattr(kernel, "tolerance", 0.0))
+    if tolerance > 0.0:
+        low, high = kernel.volume_bounds
+        size = f"volume between {low:.4g} and {high:.4g}" if high else "empty"
+        return f"relaxed kernel: faces all but {_percent(tolerance)} of the area; {size}"
+    dimension = int(getattr(kernel, "unclipped_dimension", kernel.dimension))
+    if dimension < 0:
+        n = len([i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0])
+        return "not star-shaped" + (f": no point is on the inner side of all {n} red facets" if n else "")
+    if dimension < 3:
+        return f"degenerate: the kernel is only a {('point', 'segment', 'flat polygon')[dimension]}"
+    low, high = getattr(kernel, "volume_bounds", (kernel.volume, kernel.volume))
+    if high - low > 1e-4 * high:
+        return f"star-shaped, kernel volume between {low:.4g} and {high:.4g}"
+    text = f"star-shaped, kernel volume {kernel.volume:.4g}"
+    facts = mesh.facts()
+    domain = getattr(kernel, "domain", None)
+    if facts.is_closed and facts.is_oriented and facts.volume > 0:
+        return f"{text}, {_percent(kernel.volume / facts.volume)} of the enclosed volume"
+    if domain is not None and domain.volume > 0:
+        return f"{text} inside the {domain.kind}, {_percent(kernel.volume / domain.volume)} of it"
+    return text
+
+
+def _percent(ratio: float) -> str:
+    return f"{100.0 * ratio:.4g} %"
+
+
+def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """Edges worth drawing: the boundary, sharp edges, and on coarse surfaces every edge that is not flat."""
+    faces = mesh.faces
+    ends = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, owner = ends[order], owner[order]
+    starts = np.flatnonzero(np.append(True, (ends[1:] != ends[:-1]).any(axis=1)))
+    counts = np.diff(np.append(starts, len(ends)))
+    one, other = owner[starts], owner[np.minimum(starts + 1, len(ends) - 1)]
+    bend = np.einsum("ij,ij->i", normals[one], normals[other])
+    drawn = (counts != 2) | (bend < np.cos(np.radians(_SHARP_DEG)))
+    if mesh.n_facets <= _COARSE:
+        drawn |= (mesh.facet_ids[one] != mesh.facet_ids[other]) & (bend < _FLAT)
+    chosen = starts[drawn]
+    segments = mesh.vertices[ends[chosen]]
+    if mesh.n_facets > _COARSE and len(chosen):
+        size = float(np.linalg.norm(np.ptp(used_vertices(mesh.vertices, mesh.faces), axis=0)))
+        segments = segments[_is_long(ends[chosen], segments, _SPECK * size)]
+    # A surface that is rough everywhere has no feature lines, only noise.
+    if mesh.n_facets > _COARSE and len(segments) > 0.2 * len(starts):
+        segments = mesh.vertices[ends[starts[counts != 2]]]
+    return segments, bool((counts == 1).any())
+
+
+def _is_long(ends: NDArray[np.int64], segments: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
+    """Which segments belong to a connected set of at least that length."""
+    ids, local = np.unique(ends, return_inverse=True)
+    local = local.reshape(-1, 2)
+    n, label = components(len(ids), local[:, 0], local[:, 1])
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    total = np.bincount(label[local[:, 0]], weights=lengths, minlength=n)
+    return total[label[local[:, 0]]] >= least
+
+
+def _kernel_parts(kernel: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    none = np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 2, 3))
+    if kernel is None:
+        return none
+    if not hasattr(kernel, "vertices"):  # a grid
+        if kernel.active_voxel_count == 0:
+            return none
+        mesh = kernel.to_mesh()
+        return mesh.vertices, mesh.faces, none[2]
+    # Where the kernel touches the surface the two would flicker: draw it a little smaller.
+    points: NDArray[np.float64] = kernel.vertices
+    if len(points):
+        points = points + 3e-3 * (points.mean(axis=0) - points)
+    if not kernel.faces:
+        return points, none[1], points[None] if len(points) == 2 else none[2]
+    fans = [np.column_stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]]) for f in kernel.faces]
+    around = [np.column_stack([f, np.roll(f, -1)]) for f in kernel.faces]
+    return points, np.concatenate(fans), points[np.unique(np.sort(np.concatenate(around), axis=1), axis=0)]
+
+
+def _camera(
+    mesh: TriangleMesh, doubled: NDArray[np.float64], kernel: NDArray[np.float64], is_open: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Look along the thinnest direction of a closed surface, beside the front of an open one; never straight on."""
+    used = mesh.vertices[np.unique(mesh.faces)]
+    sizes, axes = np.linalg.eigh(np.cov(used.T))
+    front = axes[:, 0] if sizes[0] < 0.8 * sizes[1] else np.array([0.0, 0.0, 1.0])
+    front = front * np.where(front[np.argmax(np.abs(front))] < 0, -1.0, 1.0)
+    facing = doubled.sum(axis=0)
+    is_open = is_open and float(np.linalg.norm(facing)) > 0.2 * float(np.linalg.norm(doubled, axis=1).sum())
+    if is_open:
+        front = facing / np.linalg.norm(facing)
+    up = np.array([0.0, 0.0, 1.0]) if abs(front[2]) < 0.7 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, front)
+    right /= np.linalg.norm(right)
+    # The kernel of an open surface is behind it: look from the side.
+    ahead, aside, above = (0.6, 0.76, 0.25) if is_open and len(kernel) else (0.8, 0.42, 0.5)
+    view = ahead * front + aside * right + above * np.cross(front, right)
+    return view / np.linalg.norm(view), up

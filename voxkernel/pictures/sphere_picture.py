@@ -1,0 +1,223 @@
+"""Pictures of a spherical map: surface and centre, radius on the sphere and as a world map, reconstruction."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.mesh.polygons import without_strays
+from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
+from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
+from voxkernel.spherical import RadialGrid
+from voxkernel.spherical.radial_grid import grid_triangles
+
+if TYPE_CHECKING:
+    from voxkernel.spherical import SphericalMap
+
+__all__ = ["sphere_picture"]
+
+_UNSEEN = "#e3e6ea"
+_SIZE = (1400, 1120)
+_MAP_RINGS = 180
+_NAMES = ("surface and centre", "radius on the sphere", "radius as a world map", "reconstruction")
+
+
+@dataclass(frozen=True, slots=True)
+class _Panels:
+    """What the four parts show, world coordinates turned so that the middle of the seen part is at longitude 0."""
+
+    surface: tuple[NDArray[np.float64], NDArray[np.int64]]
+    center: NDArray[np.float64]
+    rays: NDArray[np.float64]
+    ball: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+    world_map: NDArray[np.float64]
+    rebuilt: tuple[NDArray[np.float64], NDArray[np.int64]]
+    view: NDArray[np.float64]
+    up: NDArray[np.float64]
+
+
+def sphere_picture(
+    sphere: SphericalMap, path: str | os.PathLike[str], *, samples: RadialGrid | None = None, title: str = ""
+) -> None:
+    """Draw a spherical map in four parts.
+
+    Parameters
+    ----------
+    sphere : SphericalMap
+        What `spherical_map` gave.
+    path : str or os.PathLike
+        ``.png``, or ``.html`` for one page that needs no network (5 to 15 MB).
+    samples : RadialGrid, optional
+        The grid that is reconstructed; `sphere.sample()` by default.
+    title : str
+        Words above the picture.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is neither.
+    OSError
+        If the file cannot be written.
+    """
+    target, kind = check_picture(path)
+    panels = _panels(sphere, sphere.sample() if samples is None else samples)
+    words = _caption(sphere)
+    if kind == ".html":
+        _write_html(panels, target, title, words)
+    else:
+        _write_png(panels, target, title, words)
+
+
+def _caption(sphere: SphericalMap) -> str:
+    text = (
+        f"{sphere.center_kind} centre, covers {100 * sphere.coverage:.4g} % of the sphere, "
+        f"clearance {sphere.clearance:.4g}, distortion {sphere.distortion:.3g}"
+    )
+    if len(sphere.folded_facets):
+        text += f"; {100 * sphere.hidden_fraction:.3g} % of the area turned away"
+    return text
+
+
+def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
+    scene = make_scene(sphere.mesh, None)
+    fine = sphere.sample(grid="equiangular", n=_MAP_RINGS)
+    radii = np.append(fine.radii.reshape(-1), fine.pole_radii)
+    unit = np.concatenate([fine.grid.directions(), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    rebuilt = samples.reconstruct()
+    used = np.unique(sphere.mesh.faces)
+    chosen = sphere.mesh.vertices[used[np.linspace(0, len(used) - 1, 40).astype(int)]]
+    rays = np.stack([np.broadcast_to(sphere.center, chosen.shape), chosen], axis=1)
+    return _Panels(
+        without_strays(sphere.mesh.vertices, sphere.mesh.faces), sphere.center, rays,
+        (unit, grid_triangles(fine.grid), radii), fine.radii, (rebuilt.vertices, rebuilt.faces), scene.view, scene.up,
+    )  # fmt: skip
+
+
+def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
+    from importlib import import_module
+
+    go: Any = import_module("plotly.graph_objects")
+    make_subplots: Any = import_module("plotly.subplots").make_subplots
+    figure = make_subplots(
+        rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.05, vertical_spacing=0.07,
+        specs=[[{"type": "scene"}, {"type": "scene"}], [{"type": "heatmap"}, {"type": "scene"}]],
+    )  # fmt: skip
+    light = {
+        "ambient": 0.42, "diffuse": 0.8, "specular": 0.1, "roughness": 0.7, "fresnel": 0.05,
+        "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
+    }  # fmt: skip
+    over_shoulder = panels.view + 0.9 * panels.up - 0.5 * np.cross(panels.up, panels.view)
+    shine = dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
+
+    def solid(vertices: NDArray[np.float64], faces: NDArray[np.int64], **style: Any) -> Any:
+        x, y, z = vertices.T.astype(np.float32)
+        i, j, k = faces.T.astype(np.int32)
+        return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, lightposition=shine, hoverinfo="skip", **style)
+
+    figure.add_trace(solid(*panels.surface, color=SURFACE, opacity=0.55), row=1, col=1)
+    lines = np.concatenate([panels.rays, np.full((len(panels.rays), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+    x, y, z = lines.T
+    thin = {"color": KERNEL, "width": 1.5}
+    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=1)
+    x, y, z = panels.center[:, None].tolist()
+    dot = {"size": 6, "color": KERNEL, "line": {"color": INK, "width": 1}}
+    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=dot, name="centre"), row=1, col=1)
+    unit, triangles, radii = panels.ball
+    seen = np.isfinite(radii)[triangles].all(axis=1)
+    bar = {"title": "radius", "x": 0.478, "y": 0.22, "len": 0.42, "thickness": 12}
+    shades: dict[str, Any] = {"colorscale": "Viridis", "showscale": False, "flatshading": False}
+    figure.add_trace(solid(unit, triangles[~seen], color=_UNSEEN), row=1, col=2)
+    filled = np.nan_to_num(radii, nan=float(np.nanmin(radii))).astype(np.float32)
+    figure.add_trace(
+        solid(unit, triangles[seen], intensity=filled, **shades,
+              cmin=float(np.nanmin(radii)), cmax=float(np.nanmax(radii))), row=1, col=2,
+    )  # fmt: skip
+    longitude, latitude, flat = _rolled(panels.world_map)
+    figure.add_trace(
+        go.Heatmap(
+            x=longitude, y=latitude, z=flat.astype(np.float32), colorscale="Viridis", colorbar=bar, hoverongaps=False,
+            hovertemplate="longitude %{x:.1f}<br>latitude %{y:.1f}<br>radius %{z:.5g}<extra></extra>",
+        ), row=2, col=1,
+    )  # fmt: skip
+    figure.add_trace(solid(*panels.rebuilt, color=SURFACE), row=2, col=2)
+    axis = {"constrain": "domain", "showgrid": False, "zeroline": False}
+    figure.update_xaxes(title="longitude, degrees", range=[-180, 180], dtick=60, **axis)
+    figure.update_yaxes(title="latitude, degrees", range=[-90, 90], dtick=30, scaleanchor="x", **axis)
+    eye = {"eye": dict(zip("xyz", (1.85 * panels.view).tolist(), strict=True)),
+           "up": dict(zip("xyz", panels.up.tolist(), strict=True))}  # fmt: skip
+    hidden = {"visible": False}
+    figure.update_scenes(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data", camera=eye)
+    figure.update_layout(
+        title=heading(title, words),
+        margin={"l": 60, "r": 20, "t": 110, "b": 40}, paper_bgcolor="white", plot_bgcolor=_UNSEEN, showlegend=False,
+        font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
+    )  # fmt: skip
+    save_page(figure, path, title or "spherical map")
+
+
+def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Longitudes from -180, latitudes from -90, and the radii in that order."""
+    rows, columns = radii.shape
+    longitude = (np.arange(columns) + 0.5) * 360.0 / columns - 180.0
+    latitude = (np.arange(rows) + 0.5) * 180.0 / rows - 90.0
+    return longitude, latitude, np.roll(radii[::-1], columns // 2, axis=1)
+
+
+def _write_png(panels: _Panels, path: Path, title: str, words: str) -> None:
+    draws = (_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)
+    parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_NAMES, draws, strict=True)]
+    write_parts(path, title, words, parts, _SIZE)
+
+
+_COLORS: dict[str, Any] = {"cmap": "viridis", "show_scalar_bar": False, "nan_color": _UNSEEN}
+_MATERIAL: dict[str, Any] = {"ambient": 0.3, "diffuse": 0.75, "specular": 0.25, "specular_power": 28}
+
+
+def _draw_surface(plotter: Any, pyvista: Any, panels: _Panels) -> None:
+    vertices, faces = panels.surface
+    data = pyvista.PolyData.from_regular_faces(vertices, faces)
+    plotter.add_mesh(data, color=SURFACE, opacity=0.5, smooth_shading=True, split_sharp_edges=True, **_MATERIAL)
+    cells = np.column_stack([np.full(len(panels.rays), 2), np.arange(2 * len(panels.rays)).reshape(-1, 2)]).ravel()
+    lines = pyvista.PolyData(np.ascontiguousarray(panels.rays.reshape(-1, 3)), lines=cells)
+    plotter.add_mesh(lines, color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
+    reach = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
+    plotter.add_mesh(pyvista.Sphere(radius=0.016 * reach, center=panels.center), color=KERNEL, **_MATERIAL)
+    plotter.view_vector(panels.view, panels.up)
+    plotter.camera.zoom(1.3)
+
+
+def _draw_ball(plotter: Any, pyvista: Any, panels: _Panels) -> None:
+    unit, triangles, radii = panels.ball
+    seen = np.isfinite(radii)[triangles].all(axis=1)
+    if not seen.all():
+        plotter.add_mesh(pyvista.PolyData.from_regular_faces(unit, triangles[~seen]), color=_UNSEEN, **_MATERIAL)
+    ball = pyvista.PolyData.from_regular_faces(unit, triangles[seen])
+    ball.point_data["radius"] = radii
+    plotter.add_mesh(ball, scalars="radius", ambient=0.4, diffuse=0.55, **_COLORS)
+    plotter.view_vector(panels.view, panels.up)
+    plotter.camera.zoom(1.3)
+
+
+def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
+    longitude, latitude, flat = _rolled(panels.world_map)
+    chart: Any = pyvista.ImageData(dimensions=(len(longitude) + 1, len(latitude) + 1, 1), spacing=(2.0, 2.0, 1.0))
+    chart.cell_data["radius"] = flat.reshape(-1)
+    plotter.add_mesh(chart, scalars="radius", lighting=False, **_COLORS)
+    plotter.add_scalar_bar(
+        "radius", n_labels=4, height=0.08, width=0.6, position_x=0.2, position_y=0.02, color=INK, fmt="%.4g"
+    )
+    plotter.view_xy()
+    plotter.camera.zoom(1.35)
+
+
+def _draw_rebuilt(plotter: Any, pyvista: Any, panels: _Panels) -> None:
+    rebuilt = pyvista.PolyData.from_regular_faces(*panels.rebuilt)
+    plotter.add_mesh(rebuilt, color=SURFACE, smooth_shading=True, split_sharp_edges=True, **_MATERIAL)
+    plotter.view_vector(panels.view, panels.up)
+    plotter.camera.zoom(1.3)

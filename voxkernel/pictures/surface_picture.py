@@ -1,0 +1,106 @@
+"""Pictures of a surface and its kernel: PNG, drawn off screen, or an offline HTML page to turn by hand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from voxkernel.mesh import as_mesh
+from voxkernel.pictures.interactive_html import Plate, write_html
+from voxkernel.pictures.parts import check_picture
+from voxkernel.pictures.png import write_png
+from voxkernel.pictures.scene import caption_of, make_scene
+from voxkernel.pictures.sphere_picture import sphere_picture
+
+__all__ = ["interactive_page", "sphere_picture", "surface_picture"]
+
+
+def surface_picture(
+    surface: Any,
+    kernel: Any,
+    path: str | os.PathLike[str],
+    *,
+    title: str = "",
+    caption: str | None = None,
+    size: tuple[int, int] = (1400, 1000),
+) -> None:
+    """Draw a surface, translucent, and its kernel, solid.
+
+    Parameters
+    ----------
+    surface : mesh, path or (vertices, faces)
+        Anything `as_mesh` takes.
+    kernel : KernelPolytope, KernelGrid or None
+        What `exact_kernel` or `voxel_kernel` gave for the surface. Of an empty kernel the facets of its
+        certificate are drawn in red, each with a piece of its plane and an arrow to its inner side.
+    path : str or os.PathLike
+        ``.png`` for a picture, ``.html`` for one page that needs no network (about 5 MB).
+    title, caption : str
+        Words above the picture; the caption says verdict, volume and ratio by default.
+    size : (int, int)
+        Width and height of a PNG, pixels, at least 200 each.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is neither, or `size` is too small.
+    MeshError, MeshReadError, TypeError
+        If the surface cannot be used.
+    OSError
+        If the file cannot be written.
+
+    Notes
+    -----
+    PNG needs PyVista and no display; HTML needs plotly. A kernel too small to be seen gets a close-up.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "tetrahedron.html"
+    ...     surface_picture(tetrahedron, voxkernel.exact_kernel(tetrahedron), file)
+    ...     "star-shaped" in file.read_text(encoding="utf-8")
+    True
+    """
+    target, kind = check_picture(path)
+    if min(size) < 200:
+        raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
+    mesh = as_mesh(surface)
+    words = caption_of(mesh, kernel) if caption is None else caption
+    scene = make_scene(mesh, kernel)
+    if kind == ".png":
+        write_png(scene, target, title=title, caption=words, size=size)
+    else:
+        write_html([Plate(scene, title, words)], target)
+
+
+def interactive_page(items: Sequence[tuple[str, Any, Any]], path: str | os.PathLike[str]) -> None:
+    """Write one offline HTML page with a menu of surfaces and their kernels.
+
+    Parameters
+    ----------
+    items : sequence of (title, surface, kernel)
+        At least one; surface and kernel as in `surface_picture`.
+    path : str or os.PathLike
+        Ends in ``.html``.
+
+    Raises
+    ------
+    ValueError
+        If there are no items or the suffix is another.
+    OSError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".html":
+        raise ValueError(f"`path` must end in .html; got '{target.name}'")
+    if not items:
+        raise ValueError("`items` must hold at least one surface; got 0")
+    plates: list[Plate] = []
+    for title, surface, kernel in items:
+        mesh = as_mesh(surface)
+        plates.append(Plate(make_scene(mesh, kernel), title, caption_of(mesh, kernel)))
+    write_html(plates, target)

@@ -1,0 +1,162 @@
+"""What registration needs to know of one surface: samples, normals, kernel moments, all in its own frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._open3d import open3d
+from voxkernel.halfspaces import HalfSpaces, ball_domain
+from voxkernel.halfspaces.domain import surface_frame
+from voxkernel.measures import KernelMoments, kernel_moments
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh.surface_samples import spread_samples
+from voxkernel.relaxed import best_center
+from voxkernel.voxels import KernelGrid, voxel_kernel
+
+__all__ = ["PreparedSurface", "Samples", "prepare"]
+
+KERNEL_DEPTH = 5
+_CENTER_GAP = 2e-3
+_COARSE_SAMPLES = 800
+_FINE_SAMPLES = 4000
+_MOST_SAMPLES = 20_000
+_FACETS_PER_STEP = 1500
+_MOST_STEPS = 10
+_CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Points on a surface and the outward unit normals there."""
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    n_vertices: int = 0  # the first ones are vertices of the surface
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSurface:
+    """One surface in its own frame: centroid at 0, principal axes as coordinate axes, mesh units.
+
+    `T_world_local` leads back. `facet_normals` are those of the smoothed surface, `kernels` the relaxed
+    kernels of a smoothed and thinned copy, one per margin.
+    """
+
+    mesh: TriangleMesh
+    T_world_local: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    diagonal: float
+    area: float
+    facet_normals: NDArray[np.float64]
+    margins: tuple[float, ...]
+    kernels: tuple[KernelGrid, ...]
+    moments: tuple[KernelMoments, ...]
+    coarse: Samples
+    fine: Samples
+
+
+def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
+    """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
+    HalfSpaces.from_mesh(mesh)  # refuses what has no area or an extent beyond floating point
+    centroid, axes = surface_frame(mesh)
+    corners, faces = _connected(mesh)
+    vertices = (corners - centroid) @ axes.T
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    T_world_local = np.eye(4)
+    T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
+    smooth = _smoothed(vertices, faces)
+    thin = _simplified(smooth, faces, diagonal)
+    kernels = _kernels(thin, margins)
+    vectors = _facet_normals(smooth, faces)
+    return PreparedSurface(
+        mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
+        _unit(vectors), margins, kernels,
+        tuple(kernel_moments(k) for k in kernels),
+        _coarse_samples(*thin), _fine_samples(vertices, faces, vectors),
+    )  # fmt: skip
+
+
+def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Give the vertices in use; those of loose triangles are joined, or smoothing would shrink each to a point."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    vertices = mesh.vertices[used]
+    if len(vertices) > len(mesh.faces):
+        vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
+        faces = merged.ravel()[faces]
+    return vertices, faces.reshape(mesh.faces.shape).astype(np.int64)
+
+
+def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
+    if not margins:
+        return ()
+    mesh = TriangleMesh.from_triangles(*surface, source="smoothed surface")
+    ball = ball_domain(mesh)
+    least = best_center(mesh, gap=_CENTER_GAP, domain=ball).violation_bounds[1]
+    return voxel_kernel(mesh, depth=KERNEL_DEPTH, tolerance=[min(1.0, least + m) for m in margins], domain=ball)
+
+
+def _legacy(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:
+    library = open3d()
+    return library.geometry.TriangleMesh(
+        library.utility.Vector3dVector(vertices.copy()), library.utility.Vector3iVector(faces.astype(np.int32))
+    )
+
+
+def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Average vertices with their neighbours, more often where the facets are smaller.
+
+    Their number says how small they are; their area does not, because noise makes it grow.
+    """
+    steps = min(_MOST_STEPS, round(len(faces) / _FACETS_PER_STEP))
+    if not steps:
+        return vertices
+    return np.asarray(_legacy(vertices, faces).filter_smooth_simple(steps).vertices).copy()
+
+
+def _simplified(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Join the vertices in each cell of a grid, unless little would be left."""
+    thin = _legacy(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
+    triangles = np.asarray(thin.triangles).astype(np.int64)
+    if len(triangles) < min(len(faces), 100):
+        return vertices, faces
+    return np.asarray(thin.vertices).copy(), triangles
+
+
+def _facet_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Area times normal of each triangle, (m, 3)."""
+    corners = vertices[faces]
+    return 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(rows, axis=1)
+    return rows / np.where(length > 0, length, 1.0)[:, None]
+
+
+def _coarse_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Samples:
+    points, owners, _ = spread_samples(vertices, faces, _COARSE_SAMPLES)
+    return Samples(points, _unit(_facet_normals(vertices, faces))[owners])
+
+
+def _fine_samples(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], vectors: NDArray[np.float64]
+) -> Samples:
+    """Take the vertices with normals from those of the facets, and points between them where they are few."""
+    at_vertices = np.zeros_like(vertices)
+    for k in range(3):
+        for axis in range(3):
+            at_vertices[:, axis] += np.bincount(faces[:, k], weights=vectors[:, axis], minlength=len(vertices))
+    points, normals = vertices, _unit(at_vertices)
+    if len(vertices) < _FINE_SAMPLES:
+        more, owners, _ = spread_samples(vertices, faces, _FINE_SAMPLES)
+        points, normals = np.concatenate([points, more]), np.concatenate([normals, _unit(vectors)[owners]])
+    step = max(1, len(points) // _MOST_SAMPLES)
+    shown = np.ascontiguousarray(points[::step]), np.ascontiguousarray(normals[::step])
+    return Samples(*shown, n_vertices=min(len(vertices), _MOST_SAMPLES) if step == 1 else 0)

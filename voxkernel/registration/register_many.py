@@ -1,0 +1,181 @@
+"""Many registrations in parallel processes, every surface prepared once: `register_many`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Literal
+
+from voxkernel._checks import as_depth
+from voxkernel.errors import VoxKernelError
+from voxkernel.registration.register import Registration, prepare_surface, register
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
+
+__all__ = ["PairRegistration", "register_many"]
+
+
+_Job = tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PairRegistration:
+    """One pair of `register_many`.
+
+    Attributes
+    ----------
+    source, target : int
+        Positions in the list of surfaces.
+    registration : Registration or None
+        None when a surface could not be used.
+    reason : str
+        Why there is none; "" otherwise.
+    """
+
+    source: int
+    target: int
+    registration: Registration | None
+    reason: str
+
+    def __repr__(self) -> str:
+        """Name the pair and its answer."""
+        answer = repr(self.registration) if self.registration is not None else f"failed: {self.reason}"
+        return f"PairRegistration({self.source} -> {self.target}, {answer})"
+
+
+def register_many(
+    surfaces: Sequence[Any],
+    *,
+    pairs: Literal["reference", "all"] | Sequence[tuple[int, int]] = "reference",
+    reference: int = 0,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    margin: float | Sequence[float] | None = None,
+    refine: Literal["point_to_plane", "point_to_point", "none"] = "point_to_plane",
+    max_distance: float | None = None,
+    overlap_steps: int = 0,
+) -> tuple[PairRegistration, ...]:
+    """Register many surfaces, computing the kernels of each once.
+
+    Parameters
+    ----------
+    surfaces : sequence of mesh, path or (vertices, faces)
+        Anything `as_mesh` takes. Paths are read by the processes themselves.
+    pairs : {"reference", "all"} or sequence of (source, target)
+        Every other surface to the reference, all pairs i < j with j as the target, or the pairs given.
+    reference : int
+        Position of the reference.
+    workers : int
+        Processes, 1 to 256; 1 works in this one. The answers do not depend on it.
+    progress : callable, optional
+        Called with the number of steps done and of all steps: a surface and a pair are one each.
+    margin, refine, max_distance, overlap_steps : optional
+        As for `register`.
+
+    Returns
+    -------
+    tuple of PairRegistration
+        In the order of the pairs. A surface that cannot be used fails its own pairs only.
+
+    Raises
+    ------
+    ValueError
+        If a position is out of range or an option is.
+
+    Examples
+    --------
+    >>> from voxkernel.demo_shapes import face
+    >>> mesh = face()
+    >>> copies = [(mesh.vertices + [0, 0, k], mesh.faces) for k in range(2)]
+    >>> (pair,) = register_many(copies)
+    >>> pair.source, pair.target, pair.registration.T_target_source[2, 3].round(6).tolist()
+    (1, 0, -1.0)
+    """
+    n_workers = as_depth("workers", workers, 1, 256)
+    wanted = _pairs(len(surfaces), pairs, reference)
+    used = sorted({i for pair in wanted for i in pair})
+    total = len(used) + len(wanted)
+
+    def tick(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    options: dict[str, Any] = {
+        "margin": margin, "refine": refine, "max_distance": max_distance, "overlap_steps": overlap_steps
+    }  # fmt: skip
+    if n_workers == 1:
+        ready = _in_turn([(_prepared, (surfaces[i], margin)) for i in used], tick, 0)
+        known = dict(zip(used, ready, strict=True))
+        answers = _in_turn([(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
+    else:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
+            ready = _at_once(pool, [(_prepared, (surfaces[i], margin)) for i in used], tick, 0)
+            known = dict(zip(used, ready, strict=True))
+            answers = _at_once(pool, [(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
+    return tuple(
+        PairRegistration(a, b, *((found, "") if isinstance(found, Registration) else (None, found)))
+        for (a, b), found in zip(wanted, answers, strict=True)
+    )
+
+
+def _pairs(count: int, pairs: Any, reference: int) -> list[tuple[int, int]]:
+    if pairs == "all":
+        return list(combinations(range(count), 2))
+    if isinstance(pairs, str) and pairs != "reference":
+        raise ValueError(f"`pairs` must be 'reference', 'all' or pairs of positions; got {pairs!r}")
+    if pairs == "reference":
+        _check("reference", reference, count)
+        return [(i, reference) for i in range(count) if i != reference]
+    found = [(int(a), int(b)) for a, b in pairs]
+    for pair in found:
+        for position in pair:
+            _check("pairs", position, count)
+    return found
+
+
+def _check(name: str, position: int, count: int) -> None:
+    if not 0 <= position < count:
+        raise ValueError(f"`{name}` must be positions from 0 to {count - 1}; got {position}")
+
+
+def _prepared(surface: Any, margin: Any) -> Any:
+    """Prepare one surface, or say why not."""
+    try:
+        return prepare_surface(surface, margin=margin)
+    except (VoxKernelError, OSError, TypeError, MemoryError) as error:
+        return str(error) or type(error).__name__
+
+
+def _registered(source: Any, target: Any, options: dict[str, Any]) -> Registration | str:
+    for surface in (source, target):
+        if isinstance(surface, str):
+            return surface
+    return register(source, target, **options)
+
+
+def _in_turn(jobs: Sequence[_Job], tick: Callable[[int], None], done: int) -> list[Any]:
+    answers: list[Any] = []
+    for count, (work, given) in enumerate(jobs, start=done + 1):
+        answers.append(work(*given))
+        tick(count)
+    return answers
+
+
+def _at_once(
+    pool: ProcessPoolExecutor, jobs: Sequence[_Job], tick: Callable[[int], None], done: int
+) -> list[Any]:
+    from concurrent.futures import as_completed
+
+    tasks: list[Future[Any]] = [pool.submit(work, *given) for work, given in jobs]
+    try:
+        for count, _ in enumerate(as_completed(tasks), start=done + 1):
+            tick(count)
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    return [task.result() for task in tasks]

@@ -1,0 +1,142 @@
+"""What the points of a surface are weighed with: merged facet planes, integer weights, and a domain.
+
+Weights are shares of the whole in fixed point, 60 bits: sums of integers are exact in any order, so a
+bound is certain and does not depend on the number of threads. A positive weight is at least one unit,
+so that a sum is zero exactly where nothing is violated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor, fsum, inf, nextafter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.halfspaces import Domain, HalfSpaces, ball_domain, hull_domain
+from voxkernel.halfspaces.domain import as_domain
+from voxkernel.mesh import TriangleMesh, as_mesh
+
+__all__ = ["UNITS", "WeighedPlanes", "relaxed_domain", "weigh"]
+
+UNITS = 1 << 60
+
+
+@dataclass(frozen=True, slots=True)
+class WeighedPlanes:
+    """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
+
+    `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from that of the true
+    shares by at most `slack` units. `is_closed` says whether all the facets together bound a volume.
+    """
+
+    facets: HalfSpaces
+    weights: NDArray[np.int64]
+    shares: NDArray[np.float64]
+    slack: int
+    is_closed: bool
+
+    def share_bounds(self, low: int, high: int) -> tuple[float, float]:
+        """Turn sums of weights into certain bounds on shares of the whole; 0 stays 0."""
+        lower = max(0, low - self.slack) / UNITS if low else 0.0
+        upper = min(UNITS, high + self.slack) / UNITS if high else 0.0
+        return max(0.0, nextafter(lower, -inf)), min(1.0, nextafter(upper, inf)) if high else 0.0
+
+    def thresholds(self, shares: list[float]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """For every share: sums up to the first number are at most the share, sums above the second exceed it."""
+        ins = [max(0, floor(Fraction(s) * UNITS) - self.slack) if s < 1.0 else 2 * UNITS for s in shares]
+        outs = [ceil(Fraction(s) * UNITS) + self.slack if s > 0.0 else 0 for s in shares]
+        return np.array(ins, np.int64), np.array(outs, np.int64)
+
+
+def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh | None = None) -> WeighedPlanes:
+    """Give every facet plane its weight and merge exactly coplanar ones.
+
+    Parameters
+    ----------
+    halfspaces : HalfSpaces
+        Facet planes, without a domain.
+    weights : {"area", "count"} or (k,) array_like
+        Facet areas (of half-spaces: their weights), one for each facet, or a number >= 0 for each facet id.
+    mesh : TriangleMesh, optional
+        Tells how many facet ids there are.
+
+    Returns
+    -------
+    WeighedPlanes
+        Planes without weight are left out.
+
+    Raises
+    ------
+    ValueError
+        If the weights have the wrong shape, are negative or not finite, or are all zero.
+    """
+    values, is_closed = _plane_weights(halfspaces, weights, mesh), halfspaces.bounds_volume
+    if not values.any():
+        raise ValueError("`weights` must have one above 0; got only zeros")
+    if not values.all():
+        halfspaces, values = halfspaces.select(values > 0), values[values > 0]
+    values = values / values.max()  # keeps sums finite
+    total = fsum(values)
+    shares = values / total * (1.0 - 1e-14)
+    units = np.maximum(np.rint(values / total * UNITS), 1.0).astype(np.int64)
+    slack = len(units) + 1024  # half a unit or one each; the quotients, 2**-53 of UNITS, a few times
+    groups = halfspaces.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    if len(heads) < len(groups):
+        sums = np.zeros(len(groups), np.int64)
+        np.add.at(sums, groups, units)
+        halfspaces, units, shares = halfspaces.select(heads), sums[heads], shares[heads]
+    return WeighedPlanes(halfspaces, units, shares, slack, is_closed)
+
+
+def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | None) -> NDArray[np.float64]:
+    """Weight of every half-space; a facet with several planes shares its weight among them by area."""
+    if isinstance(weights, str):
+        if weights == "area":
+            return np.array(halfspaces.weights)
+        if weights != "count":
+            raise ValueError(f"`weights` must be 'area', 'count' or an array; got {weights!r}")
+        given = None
+    else:
+        given = np.asarray(weights, dtype=np.float64)
+        n = len(halfspaces) if mesh is None else mesh.n_input_facets
+        if given.shape != (n,):
+            raise ValueError(f"`weights` must have shape ({n},), one for each facet; got {given.shape}")
+        if not (np.isfinite(given) & (given >= 0.0)).all():
+            raise ValueError("`weights` must be finite and >= 0; got a value that is not")
+    if mesh is None:
+        return np.ones(len(halfspaces)) if given is None else given.copy()
+    ids = halfspaces.facet_ids
+    one_each = np.ones(len(ids))
+    counts = np.bincount(ids, minlength=mesh.n_input_facets)
+    if counts.max() > 1:
+        areas = np.bincount(ids, weights=halfspaces.weights, minlength=mesh.n_input_facets)
+        one_each = np.where(counts[ids] > 1, halfspaces.weights / areas[ids], 1.0)
+    return one_each if given is None else given[ids] * one_each
+
+
+def relaxed_domain(is_closed: bool, mesh: TriangleMesh | None, domain: Any) -> Domain:
+    """Choose where relaxed kernels are looked for: given, or the hull of closed surfaces, or the ball polytope."""
+    if domain is not None:
+        found = as_domain(domain, mesh)
+        if found is not None:
+            return found
+    if mesh is None:
+        raise ValueError("`domain` must be given for half-spaces; got None")
+    if not is_closed:
+        return ball_domain(mesh)
+    try:
+        return hull_domain(mesh)
+    except ValueError:  # a closed surface that lies in one plane
+        return ball_domain(mesh)
+
+
+def halfspaces_of(surface: Any, facets: Any) -> tuple[HalfSpaces, TriangleMesh | None]:
+    """Take half-spaces as they are, without a mesh; make them from anything `as_mesh` takes."""
+    if isinstance(surface, HalfSpaces):
+        return (surface if facets is None else surface.select(np.asarray(facets))), None
+    mesh = as_mesh(surface, facets=facets)
+    return HalfSpaces.from_mesh(mesh), mesh

@@ -1,0 +1,115 @@
+"""The report as a short Markdown text, for a pull request."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from voxkernel.report.rows import CELL_SCORES, OUTCOMES, SCORES
+from voxkernel.report.text import code_span, count, left_out_text, number, percent
+
+__all__ = ["render_markdown"]
+
+_MOST_REASONS = 10
+_MOST_FILES = 20
+
+
+def render_markdown(summary: dict[str, Any], *, title: str) -> str:
+    """Write summary, failures, labels and the worst rows; every name and reason as code."""
+    parts = [f"## voxkernel report: {code_span(title)}", _counts(summary)]
+    for section in (_left_out, _failures, _proofs, _labels, _scores, _worst):
+        text = section(summary)
+        if text:
+            parts.append(text)
+    parts.append(f"voxkernel {summary['version']}")
+    return "\n\n".join(parts) + "\n"
+
+
+def _counts(summary: dict[str, Any]) -> str:
+    counts, n = summary["counts"], summary["n_rows"]
+    cells = [f"{count(counts[name])} ({percent(counts[name], n)})" for name in OUTCOMES]
+    return _table(("rows", *OUTCOMES), [(count(n), *cells)], right=5)
+
+
+def _left_out(summary: dict[str, Any]) -> str:
+    text = left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()], code_span)
+    return f"{text}." if text else ""
+
+
+def _failures(summary: dict[str, Any]) -> str:
+    failures = summary["failures"]
+    if not failures["n"]:
+        return "No row failed."
+    lines = [f"### {count(failures['n'])} failed"]
+    reasons, rows = failures["reasons"], failures["rows"]
+    if len(rows) <= _MOST_FILES:
+        lines += [f"- {_name(row)}: {code_span(' '.join(row['reason'].split()), 200)}" for row in rows]
+        return "\n".join(lines)
+    lines += [f"- {count(group['n'])} × {code_span(' '.join(group['reason'].split()), 200)}"
+              for group in reasons[:_MOST_REASONS]]  # fmt: skip
+    if len(reasons) > _MOST_REASONS:
+        lines.append(f"- and {count(len(reasons) - _MOST_REASONS)} more reasons")
+    lines.append(f"\nThe first {_MOST_FILES} files: " + ", ".join(_name(row) for row in rows[:_MOST_FILES]))
+    return "\n".join(lines)
+
+
+def _proofs(summary: dict[str, Any]) -> str:
+    n = summary["certificates"]["n_not_verified"]
+    return f"**{count(n)} answers whose proof was not confirmed.**" if n else ""
+
+
+def _labels(summary: dict[str, Any]) -> str:
+    labels = summary["labels"]
+    if labels is None:
+        return ""
+    table = [(code_span(name, 60), *map(count, row)) for name, row in zip(labels["names"], labels["counts"],
+                                                                         strict=True)]  # fmt: skip
+    lines = ["### Labels", "", _table(("label", *OUTCOMES), table, right=4)]
+    truth = labels["truth"]
+    if truth:
+        lines += ["", f"{count(truth['n_right'])} of {count(truth['n'])} verdicts agree with the label: accuracy "
+                  f"{number(truth['accuracy'])}, sensitivity {number(truth['sensitivity'])}, specificity "
+                  f"{number(truth['specificity'])}."]  # fmt: skip
+    if labels["roc"]:
+        names = [s.name for s in (*SCORES, *CELL_SCORES) if any(s.name in entry["scores"] for entry in labels["roc"])]
+        body = [
+            (code_span(entry["label"], 60), *(number(entry["scores"].get(n, {}).get("auc")) for n in names))
+            for entry in labels["roc"]
+        ]
+        heading = "class" if truth else "label against the others"
+        lines += ["", "Area under the ROC curve:", "", _table((heading, *names), body, right=len(names))]
+    return "\n".join(lines)
+
+
+def _scores(summary: dict[str, Any]) -> str:
+    if not summary["scores"]:
+        return ""
+    body = [
+        (name, count(s["n"]), *(number(s["quantiles"][q]) for q in ("0.05", "0.5", "0.95")), number(s["max"]))
+        for name, s in summary["scores"].items()
+    ]
+    return "### Scores\n\n" + _table(("score", "rows", "5 %", "median", "95 %", "max"), body, right=5)
+
+
+def _worst(summary: dict[str, Any]) -> str:
+    worst = summary["worst"]
+    if not worst:
+        return ""
+    names = [s.name for s in (*SCORES, *CELL_SCORES) if s.name in worst[0]]
+    labelled = any(row["label"] for row in worst)
+    body = [
+        (_name(row), *([code_span(row["label"], 60) if row["label"] else ""] if labelled else []), row["verdict"],
+         *(number(row[name]) for name in names))
+        for row in worst
+    ]  # fmt: skip
+    heads = ("file", *(["label"] if labelled else []), "verdict", *names)
+    return f"### The {len(worst)} least star-shaped\n\n" + _table(heads, body, right=len(names))
+
+
+def _name(row: dict[str, Any]) -> str:
+    name = code_span(row["file"])
+    return name if row["cell"] is None else f"{name} cell {row['cell']}"
+
+
+def _table(heads: tuple[str, ...], body: list[tuple[str, ...]], *, right: int) -> str:
+    rules = ["---"] * (len(heads) - right) + ["--:"] * right
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rules, *body))

@@ -1,0 +1,249 @@
+"""The report as one HTML page: what the template needs, and nothing a file says as markup."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from voxkernel.report import charts as charts
+from voxkernel.report.pictures import Pictures
+from voxkernel.report.rows import CELL_SCORES, SCORES, ReportRows
+from voxkernel.report.text import count, json_block, left_out_text, number, one_line, percent, readable, shorten
+
+__all__ = ["render_page", "shape_name"]
+
+# key, title, width in the table ("" only among the facts of one shape), hint
+_COLUMNS = (
+    ("file", "File", "auto", "name as given to the evaluation"),
+    ("label", "Label", "110px", ""),
+    ("outcome", "Verdict", "196px", ""),
+    ("ratio", "Ratio", "88px", SCORES[0].meaning),
+    ("violation_upper", "Defect", "92px", SCORES[1].meaning),
+    ("visible_fraction", "Visible", "90px", SCORES[2].meaning),
+    ("volume_share", "Volume share", "126px", CELL_SCORES[0].meaning),
+    ("inradius_over_diameter", "Inradius / d.", "124px", CELL_SCORES[1].meaning),
+    ("n_facets", "Facets", "88px", ""),
+    ("seconds", "Seconds", "98px", ""),
+    ("reason", "Failed because", "", ""),
+    ("cell", "Cell", "", ""),
+    ("verdict_reason", "Why not star-shaped", "", ""),
+    ("notes", "Notes", "", ""),
+    ("dimension", "Kernel dimension", "", ""),
+    ("volume", "Kernel volume", "", ""),
+    ("volume_lower", "at least", "", ""),
+    ("volume_upper", "at most", "", ""),
+    ("reference", "Ratio divides by", "", ""),
+    ("reference_volume", "Reference volume", "", ""),
+    ("clearance", "Clearance of the centre", "", ""),
+    ("domain", "Domain", "", ""),
+    ("cut_by_domain", "Kernel cut by the domain", "", ""),
+    ("violation_lower", "Defect at least", "", ""),
+    ("visible_lower", "Visible at least", "", ""),
+    ("visible_upper", "Visible at most", "", ""),
+    ("inradius", "Inradius", "", ""),
+    ("certificate_kind", "Certificate", "", ""),
+    ("certificate_verified", "Proof confirmed", "", ""),
+    ("certificate_facets", "Facets of the proof", "", ""),
+    ("center_x", "Deepest point", "", ""),
+    ("center_y", "Centre y", "", ""),
+    ("center_z", "Centre z", "", ""),
+    ("star_center_x", "Star centre", "", ""),
+    ("star_center_y", "Star centre y", "", ""),
+    ("star_center_z", "Star centre z", "", ""),
+    ("n_vertices", "Vertices", "", ""),
+    ("n_faces", "Faces", "", ""),
+    ("n_components", "Components", "", ""),
+    ("n_boundary_edges", "Boundary edges", "", ""),
+    ("n_nonmanifold_edges", "Non-manifold edges", "", ""),
+    ("n_degenerate", "Facets without area", "", ""),
+    ("genus", "Genus", "", ""),
+    ("is_closed", "Closed", "", ""),
+    ("is_oriented", "Oriented", "", ""),
+    ("is_outward", "Outward", "", ""),
+    ("area", "Area", "", ""),
+    ("enclosed_volume", "Enclosed volume", "", ""),
+    ("diagonal", "Diagonal", "", ""),
+    ("finished", "Finished", "", ""),
+)
+_TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward")
+_WHOLE = ("verdict_reason", "notes")
+_DIGITS = 6
+
+
+def render_page(
+    rows: ReportRows, summary: dict[str, Any], pictures: Pictures, *, title: str, chosen: Sequence[int]
+) -> str:
+    """Write the page.
+
+    `title` is any text; `chosen` are the rows of the gallery, those with a view.
+    """
+    from importlib.resources import files
+
+    import jinja2
+
+    folder = files("voxkernel.report") / "templates"
+
+    def read(name: str) -> str:
+        return (folder / name).read_text(encoding="utf-8")
+
+    # A template from a dictionary: packages in a zip have no folder.
+    names = ("report.html", "report_macros.html")
+    environment = jinja2.Environment(
+        loader=jinja2.DictLoader({name: read(name) for name in names}),
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    filters: dict[str, Any] = environment.filters
+    filters.update(
+        px=_pixels, count=count, number=number, one_line=one_line, readable=readable,
+        shorten=shorten, shape_name=shape_name, pretty=_pretty, score_title=_score_title, time=_time,
+    )  # fmt: skip
+    shared = common_folder(rows)
+    scripts = [read("report_viewer.js"), read("report.js")] if chosen else [read("report.js")]
+    return environment.get_template("report.html").render(
+        s=summary, title=readable(title), headline=_headline(summary), bar=charts.outcome_bar(summary["counts"]),
+        classes=list(charts.CLASS_OF.values()), scores=charts.score_charts(rows),
+        profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
+        boxes=charts.boxes(summary["labels"]), gallery=[_card(rows, pictures, i, shared) for i in chosen],
+        folder=shared, left_out=left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()]),
+        views_left_out=pictures.views_left_out, pictures_note=_pictures_note(pictures), css=read("report.css"),
+        scripts=scripts, script_hashes=" ".join(_hash(script) for script in scripts),
+        rows_json=json_block(table_data(rows, pictures)), pictures_json=json_block(pictures.thumbnails),
+        views_json=[(i, json_block(view)) for i, view in pictures.views.items()],
+    )  # fmt: skip
+
+
+def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
+    """Give the columns that hold anything, compactly: repeated words once, numbers to six digits."""
+    columns: list[dict[str, Any]] = []
+    for key, title, width, hint in _COLUMNS:
+        values, kind = _values(rows, key)
+        empty = "" if kind == "text" else None
+        if key not in ("file", "outcome") and all(value == empty for value in values):
+            continue
+        entry: dict[str, Any] = {"key": key, "title": title, "kind": kind, "width": width, "hint": hint}
+        distinct = list(dict.fromkeys(values))
+        if 2 * len(distinct) < len(values):
+            place = {value: k for k, value in enumerate(distinct)}
+            entry |= {"words": distinct, "values": [place[value] for value in values]}
+        else:
+            entry["values"] = values
+        columns.append(entry)
+    fixed = sum(int(c["width"][:-2]) for c in columns if c["width"].endswith("px"))
+    return {
+        "n": rows.n, "folder": common_folder(rows), "columns": columns, "wide": fixed + 280,
+        "views": list(pictures.views), "pictures": list(pictures.thumbnails),
+        "labels": sorted({readable(t) for t in rows.texts["label"]}),
+    }  # fmt: skip
+
+
+def common_folder(rows: ReportRows) -> str:
+    """Give the folder all files are in, with its slash, which the page need not repeat; "" when there is none."""
+    folders = [readable(name).split("/")[:-1] for name in set(rows.texts["file"])]
+    shared = 0
+    while folders and all(len(f) > shared and f[shared] == folders[0][shared] for f in folders):
+        shared += 1
+    return "".join(f"{part}/" for part in folders[0][:shared]) if folders else ""
+
+
+def shape_name(entry: dict[str, Any]) -> str:
+    """Name an entry of the summary on one line."""
+    name = readable(entry["file"])
+    return name if entry["cell"] is None else f"{name} cell {entry['cell']}"
+
+
+def _values(rows: ReportRows, key: str) -> tuple[list[Any], str]:
+    if key == "outcome":
+        return list(rows.outcome), "text"
+    if key == "reason":
+        return [readable(rows.cause(i)) if rows.outcome[i] == "failed" else "" for i in range(rows.n)], "text"
+    if key in rows.texts:
+        tidy = one_line if key in _WHOLE else readable
+        return [tidy(text) for text in rows.texts[key]], "text"
+    if key in rows.lists:
+        joined = [", ".join(str(item) for item in items or [] if item is not None) for items in rows.lists[key]]
+        return [one_line(text) for text in joined], "text"
+    numbers = rows.numbers[key]
+    if key in _TRUTHS:
+        return [None if np.isnan(v) else bool(v) for v in numbers], "truth"
+    return [_rounded(float(v)) for v in numbers], "number"
+
+
+def _rounded(value: float) -> float | int | None:
+    if not np.isfinite(value):
+        return None
+    if value == int(value) and abs(value) < 2**53:
+        return int(value)
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _headline(summary: dict[str, Any]) -> str:
+    counts, n = summary["counts"], summary["n_rows"]
+    if not n:
+        return "The run has no rows yet."
+    cells = f", {count(summary['n_cells'])} of them cells of polyhedral meshes" if summary["n_cells"] else ""
+    stars = counts["star-shaped"] + counts["degenerate"]
+    done = n - counts["failed"]
+    return (
+        f"{count(n)} rows from {count(summary['n_files'])} files{cells}. Some point sees the whole surface of "
+        f"{count(stars)} of the {count(done)} that could be evaluated ({percent(stars, done)})."
+    )
+
+
+def _card(rows: ReportRows, pictures: Pictures, i: int, folder: str) -> dict[str, Any]:
+    ratio, defect = rows.numbers["ratio"][i], rows.numbers["violation_upper"][i]
+    words = [rows.outcome[i]]
+    if rows.outcome[i] == "star-shaped" and np.isfinite(ratio):
+        words.append(f"ratio {number(float(ratio), 3)}")
+    elif np.isfinite(defect) and defect > 0.0:
+        words.append(f"defect {number(float(defect), 3)}")
+    return {
+        "row": i, "name": readable(rows.name(i)).removeprefix(folder),
+        "css": charts.CLASS_OF[rows.outcome[i]], "words": ", ".join(words),
+        "has_picture": i in pictures.thumbnails,
+    }  # fmt: skip
+
+
+def _pictures_note(pictures: Pictures) -> str:
+    parts: list[str] = []
+    if pictures.thumbnails_left_out:
+        parts.append(f"{count(pictures.thumbnails_left_out)} more thumbnails are in the run but not in this page, "
+                     "to bound its size.")  # fmt: skip
+    if pictures.unreadable:
+        name, why = pictures.unreadable[0]
+        parts.append(f"{count(len(pictures.unreadable))} pictures or views could not be read, the first: "
+                     f"{readable(name)}: {one_line(why)}.")  # fmt: skip
+    return " ".join(parts)
+
+
+def _pretty(value: Any) -> str:
+    return readable_lines(value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False))
+
+
+def _time(text: str) -> str:
+    """Shorten an ISO time in UTC to minutes; other text stays."""
+    match = re.match(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d)[\d:.]*(\+00:00|Z)$", text)
+    return f"{match[1]} {match[2]} UTC" if match else readable(text)
+
+
+def _pixels(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _score_title(name: str) -> str:
+    return next(score.title.lower() for score in (*SCORES, *CELL_SCORES) if score.name == name)
+
+
+def readable_lines(text: str) -> str:
+    """Keep line ends, escape what else cannot be printed."""
+    return "\n".join(readable(line) for line in text.split("\n"))
+
+
+def _hash(script: str) -> str:
+    """Name a script in the page's content security policy: nothing else may run."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}'"

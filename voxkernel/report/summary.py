@@ -1,0 +1,183 @@
+"""A run in numbers: counts, failures, scores, profiles, times. Every form of the report says the same."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from voxkernel._npz import is_shallow, read_json
+from voxkernel.report.labels import label_summary, labels_of
+from voxkernel.report.rows import CELL_SCORES, OUTCOMES, SCORES, ReportRows, worst_first
+from voxkernel.report.statistics import quantiles, spearman
+
+__all__ = ["read_left_out", "summarize"]
+
+_LEVELS = 8  # of nested lists and mappings in settings and versions
+_SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+_BAND = (0.1, 0.25, 0.5, 0.75, 0.9)
+
+
+def read_left_out(run: str) -> list[tuple[str, int]] | None:
+    """Read which suffixes the last evaluation left out, the most frequent first; None if it does not tell."""
+    from voxkernel.run_table import read_settings
+
+    found = read_settings(run).get("left_out")
+    if found is None:
+        return None
+    if not isinstance(found, dict) or not all(type(n) is int and n > 0 for n in found.values()):
+        wrong = f"`left_out` in the settings of '{run}' must be a number of files for each suffix"
+        raise ValueError(f"{wrong}; got {repr(found)[:80]}")
+    return sorted(found.items(), key=lambda item: (-item[1], item[0]))
+
+
+def summarize(
+    rows: ReportRows, *, run: str, left_out: Sequence[tuple[str, int]] | None, n_worst: int,
+    star_labels: Sequence[str] | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Say everything about a run that does not need its pictures."""
+    from voxkernel._version import __version__
+
+    counts = Counter(rows.outcome)
+    cells = np.isfinite(rows.numbers["cell"])
+    return {
+        "run": run,
+        "version": __version__,
+        "n_rows": rows.n,
+        "n_files": len(set(rows.texts["file"])),
+        "n_cells": int(cells.sum()),
+        "left_out": None if left_out is None else [{"suffix": suffix, "n": n} for suffix, n in left_out],
+        "counts": {name: counts.get(name, 0) for name in OUTCOMES},
+        "failures": _failures(rows),
+        "certificates": _certificates(rows),
+        "scores": {s.name: _score(rows, s.column) for s in (*SCORES, *CELL_SCORES) if rows.has(s.column)},
+        "spearman": _agreement(rows),
+        "profile": _profile(rows),
+        "labels": label_summary(rows, star_labels),
+        "worst": [_shape(rows, i) for i in _worst(rows)[:n_worst]],
+        "seconds": _seconds(rows),
+        "settings": _distinct(rows, "settings"),
+        "versions": _distinct(rows, "versions"),
+        "finished": _finished(rows),
+    }
+
+
+def _failures(rows: ReportRows) -> dict[str, Any]:
+    failed = rows.ids("failed")
+    reasons = [rows.cause(i) for i in failed]
+    groups = Counter(reasons)
+    return {
+        "n": len(failed),
+        "reasons": [{"reason": r, "n": n} for r, n in sorted(groups.items(), key=lambda item: (-item[1], item[0]))],
+        "rows": [{**_name(rows, i), "reason": reason} for i, reason in zip(failed, reasons, strict=True)],
+    }
+
+
+def _certificates(rows: ReportRows) -> dict[str, Any]:
+    """An answer without a checked proof is no reason to fail, but a reader must know."""
+    checked = rows.numbers["certificate_verified"]
+    done = [i for i in range(rows.n) if rows.outcome[i] != "failed"]
+    return {
+        "n_verified": sum(checked[i] == 1.0 for i in done),
+        "n_not_verified": sum(checked[i] == 0.0 for i in done),
+        "n_unknown": sum(bool(np.isnan(checked[i])) for i in done),
+        "not_verified": [_name(rows, i) for i in done if checked[i] == 0.0],
+    }
+
+
+def _score(rows: ReportRows, column: str) -> dict[str, Any]:
+    values = rows.numbers[column]
+    values = values[np.isfinite(values)]
+    q = quantiles(values, _SHARES)
+    return {
+        "n": len(values), "n_zero": int((values == 0.0).sum()), "min": float(values.min()), "max": float(values.max()),
+        "mean": float(values.mean()), "quantiles": dict(zip((f"{s:g}" for s in _SHARES), q, strict=True)),
+    }  # fmt: skip
+
+
+def _agreement(rows: ReportRows) -> list[dict[str, Any]]:
+    """Rank correlation of the scores, each turned so that larger means more star-shaped."""
+    found: list[dict[str, Any]] = []
+    used = [s for s in (*SCORES, *CELL_SCORES) if rows.has(s.column)]
+    for a, b in combinations(used, 2):
+        rho, n = spearman(a.sign * rows.numbers[a.column], b.sign * rows.numbers[b.column])
+        found.append({"a": a.name, "b": b.name, "rho": rho, "n": n})
+    return found
+
+
+def _profile(rows: ReportRows) -> dict[str, Any] | None:
+    """Median and spread of the defect profiles, over rows with the most frequent tolerances."""
+    pairs = zip(rows.lists["profile_tolerances"], rows.lists["profile_shares"], strict=True)
+    known: dict[int, tuple[tuple[float, ...], list[float]]] = {}
+    for i, (tolerances, shares) in enumerate(pairs):
+        if tolerances and shares and len(tolerances) == len(shares) and _are_finite((*tolerances, *shares)):
+            known[i] = (tuple(float(t) for t in tolerances), shares)
+    if not known:
+        return None
+    usual, n = Counter(t for t, _ in known.values()).most_common(1)[0]
+    groups: list[dict[str, Any]] = []
+    labels = labels_of(rows)
+    for label in labels or [""]:
+        own = [s for i, (t, s) in known.items() if t == usual and (not labels or rows.texts["label"][i] == label)]
+        if own:
+            bands = np.quantile(np.array(own, dtype=np.float64), list(_BAND), axis=0)
+            groups.append({
+                "label": label, "n": len(own), **dict(zip(("q10", "q25", "median", "q75", "q90"), bands, strict=True)),
+            })  # fmt: skip
+    return {"tolerances": list(usual), "n": n, "n_other_tolerances": len(known) - n, "groups": groups}
+
+
+def _are_finite(values: Sequence[float | None]) -> bool:
+    return all(value is not None and np.isfinite(value) for value in values)
+
+
+def _worst(rows: ReportRows) -> list[int]:
+    return worst_first(rows, [i for i in range(rows.n) if rows.outcome[i] != "failed"])
+
+
+def _shape(rows: ReportRows, i: int) -> dict[str, Any]:
+    scores = {s.name: float(rows.numbers[s.column][i]) for s in (*SCORES, *CELL_SCORES) if rows.has(s.column)}
+    return {
+        **_name(rows, i), "label": rows.texts["label"][i], "verdict": rows.outcome[i], **scores,
+        "n_facets": None if np.isnan(rows.numbers["n_facets"][i]) else int(rows.numbers["n_facets"][i]),
+    }  # fmt: skip
+
+
+def _name(rows: ReportRows, i: int) -> dict[str, Any]:
+    cell = rows.numbers["cell"][i]
+    return {"file": rows.texts["file"][i], "cell": None if np.isnan(cell) else int(cell)}
+
+
+def _seconds(rows: ReportRows) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in ("seconds", "seconds_read", "seconds_exact", "seconds_relaxed", "seconds_pictures"):
+        values = rows.numbers[name]
+        values = values[np.isfinite(values)]
+        if len(values):
+            median, late = quantiles(values, (0.5, 0.95))
+            key = "all" if name == "seconds" else name.removeprefix("seconds_")
+            found[key] = {"sum": float(values.sum()), "median": median, "q95": late, "max": float(values.max())}
+    return found
+
+
+def _distinct(rows: ReportRows, column: str) -> list[dict[str, Any]]:
+    """Settings or versions in use, with the number of rows made with each."""
+    groups = Counter(text for text in rows.texts[column] if text)
+    found: list[dict[str, Any]] = []
+    for text, n in sorted(groups.items(), key=lambda item: (-item[1], item[0])):
+        try:
+            value = read_json(text)
+        except ValueError:
+            value = text
+        if not is_shallow(value, _LEVELS):  # no settings of ours: shown as text
+            value = text
+        found.append({"n": n, "value": value})
+    return found
+
+
+def _finished(rows: ReportRows) -> dict[str, str] | None:
+    times = sorted(text for text in rows.texts["finished"] if text)
+    return {"first": times[0], "last": times[-1]} if times else None

@@ -1,0 +1,162 @@
+"""Reports of a run: one offline HTML page, a Markdown text for a pull request, or JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from voxkernel.report.rows import ReportRows, load_rows
+from voxkernel.report.text import plain
+
+__all__ = ["write_report"]
+
+Format = Literal["html", "markdown", "json"]
+_SUFFIXES: dict[str, Format] = {".html": "html", ".htm": "html", ".md": "markdown", ".json": "json"}
+
+
+def write_report(
+    run: str | os.PathLike[str],
+    path: str | os.PathLike[str],
+    *,
+    format: Literal["html", "markdown", "json"] | None = None,
+    title: str | None = None,
+    star_labels: Sequence[str] | None = None,
+    n_views: int = 12,
+    n_worst: int = 10,
+    max_megabytes: float = 40.0,
+) -> dict[str, Any]:
+    """Write the report of an evaluation.
+
+    Parameters
+    ----------
+    run : str or os.PathLike
+        Folder or URL that `evaluate` wrote. Its table is read, the thumbnails and views the table names, and which
+        files were left out, from `settings.json`; never a mesh.
+    path : str or os.PathLike
+        File to write.
+    format : {"html", "markdown", "json"}, optional
+        By default from the suffix of `path`: .html, .md or .json.
+    title : str, optional
+        Words above the report; the name of the run by default.
+    star_labels : sequence of str, optional
+        Labels that mean star-shaped; all others then mean that it is not. By default labels such as "star" and
+        "not star-shaped" are understood when there are no others.
+    n_views : int
+        How many shapes the page lets a reader turn in 3D, at most; those the run has views of.
+    n_worst : int
+        Rows in the list of the least star-shaped (Markdown and JSON).
+    max_megabytes : float
+        Bound on the pictures and views inside the page, megabytes as embedded; the rest is left out and counted.
+
+    Returns
+    -------
+    dict
+        The summary, as the JSON report has it.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, a count is negative, a star label is not in the run, or its table or
+        `settings.json` is damaged.
+    FileNotFoundError
+        If there is no run, or no folder for the report.
+    OSError
+        If the report cannot be written.
+
+    Notes
+    -----
+    The page needs no network: styles, scripts and pictures are in it, and its content security policy allows
+    nothing else to load or run. File names, labels and reasons are shown as text, whatever they contain;
+    characters that cannot be printed are shown as escapes.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from voxkernel.run_table import open_run, write_part
+    >>> row = {"file": "cube.ply", "status": "ok", "verdict": "star-shaped", "ratio": 1.0}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = write_part(*open_run(folder), [row])
+    ...     summary = write_report(folder, pathlib.Path(folder) / "report.html")
+    >>> summary["counts"]["star-shaped"]
+    1
+    """
+    target = Path(path)
+    kind = _format_of(target, format)
+    for name, value in (("n_views", n_views), ("n_worst", n_worst), ("max_megabytes", max_megabytes)):
+        if not value >= 0:
+            raise ValueError(f"`{name}` must be 0 or more; got {value}")
+    if not target.absolute().parent.is_dir():
+        raise FileNotFoundError(f"`path` must be in an existing folder; got '{target}'")
+    from voxkernel.report.summary import read_left_out, summarize
+
+    where = os.fspath(run)
+    rows = load_rows(where)
+    left_out = read_left_out(where)
+    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels)
+    heading = title if title is not None else _name_of(where)
+    document = _document(summary)
+    if kind == "json":
+        text = json.dumps({"title": heading, **document}, indent=1, allow_nan=False) + "\n"
+    elif kind == "markdown":
+        from voxkernel.report.markdown import render_markdown
+
+        text = render_markdown(summary, title=heading)
+    else:
+        text = _page(rows, summary, where, heading, star_labels, n_views, int(max_megabytes * 1e6))
+    _write(target, text)
+    return document
+
+
+def _page(
+    rows: ReportRows, summary: dict[str, Any], run: str, title: str, star_labels: Sequence[str] | None,
+    n_views: int, max_bytes: int,
+) -> str:  # fmt: skip
+    from voxkernel.report.labels import star_truth, wrong_ids
+    from voxkernel.report.page import render_page
+    from voxkernel.report.pictures import collect
+
+    wrong = wrong_ids(rows, star_truth(rows, star_labels))
+    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=wrong[: n_views // 3])
+    return render_page(rows, summary, pictures, title=title, chosen=list(pictures.views))
+
+
+def _format_of(target: Path, format: str | None) -> Format:
+    if format is None:
+        if target.suffix.lower() not in _SUFFIXES:
+            raise ValueError(f"`path` must end in .html, .md or .json, or `format` be given; got '{target.name}'")
+        return _SUFFIXES[target.suffix.lower()]
+    if format not in get_args(Format):
+        raise ValueError(f"`format` must be one of {', '.join(get_args(Format))}; got '{format}'")
+    return format  # type: ignore[return-value]
+
+
+def _document(summary: dict[str, Any]) -> dict[str, Any]:
+    """Leave the points of the ROC curves out: they are for the drawing."""
+    labels = summary["labels"]
+    if labels is not None:
+        roc = [
+            {**entry, "scores": {name: {k: v for k, v in found.items() if k != "curve"}
+                                 for name, found in entry["scores"].items()}}
+            for entry in labels["roc"]
+        ]  # fmt: skip
+        summary = {**summary, "labels": {**labels, "roc": roc}}
+    return plain(summary)
+
+
+def _name_of(run: str) -> str:
+    """Name a run by its last folder."""
+    parts = [part for part in run.replace("\\", "/").split("/") if part not in ("", ".", "..")]
+    return parts[-1] if parts else Path(run).absolute().name
+
+
+def _write(target: Path, text: str) -> None:
+    """Replace the file in one step: a reader never sees half a report. Stray bytes of names become escapes."""
+    hidden = target.with_name(f".{os.getpid()}-{target.name[-80:]}.tmp")
+    try:
+        hidden.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+        os.replace(hidden, target)
+    finally:
+        hidden.unlink(missing_ok=True)
