@@ -12,11 +12,10 @@ from voxkernel.mesh import TriangleMesh, as_mesh, repair
 from voxkernel.polyhedral import cell_kernels, read_polyhedral
 from voxkernel.registration import register, register_many
 from voxkernel.relaxed import best_center, violation
-from voxkernel.relaxed.violation import violation_grid
 from voxkernel.report import write_report
 from voxkernel.spherical import spherical_map
 from voxkernel.vdb import read_vdb, write_vdb
-from voxkernel.voxels import voxel_kernel
+from voxkernel.voxels import violation_grid, voxel_kernel
 
 __all__ = [
     "EvaluateSettings",

@@ -15,8 +15,7 @@ import voxkernel
 from voxkernel._core import least_violated, relaxed_cells
 from voxkernel.halfspaces import HalfSpaces, planes_domain
 from voxkernel.relaxed.facet_weights import UNITS, weigh
-from voxkernel.relaxed.root_cube import RootCube
-from voxkernel.voxels.relaxed_octree import cube_arrays
+from voxkernel.relaxed.root_cube import RootCube, cube_arrays
 
 ALPHA = 0.03
 NEVER = 99

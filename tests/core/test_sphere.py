@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 import voxkernel
 from voxkernel import _core
-from voxkernel.spherical.coverage import Boundary
+from voxkernel.spherical.boundary_angle import Boundary
 from voxkernel.spherical.radial_grid import _across
 
 FULL = 4 * np.pi

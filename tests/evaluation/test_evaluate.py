@@ -624,7 +624,7 @@ def test_no_meshes_is_bad_usage(tmp_path, command):
 
 
 def test_bar_on_a_terminal(monkeypatch, capsys):
-    from voxkernel.evaluation import progress
+    from voxkernel.cli import progress
 
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     monkeypatch.setenv("FORCE_COLOR", "1")

@@ -15,9 +15,9 @@ import shapes
 import voxkernel
 from voxkernel import _core
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.relaxed.facet_weights import UNITS, relaxed_domain, weigh
-from voxkernel.relaxed.root_cube import cube_planes, root_cube
-from voxkernel.voxels.relaxed_octree import cube_arrays
+from voxkernel.halfspaces.surface_arguments import relaxed_domain
+from voxkernel.relaxed.facet_weights import UNITS, weigh
+from voxkernel.relaxed.root_cube import cube_arrays, cube_planes, root_cube
 
 HANG = 120  # seconds; only to end a test that does not end by itself
 KILLS = {

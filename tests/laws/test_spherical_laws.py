@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import voxkernel
-from voxkernel.spherical.coverage import Boundary, solid_angles
+from voxkernel.spherical.boundary_angle import Boundary, solid_angles
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -15,9 +15,11 @@ from voxkernel.cli.main import main
 from voxkernel.exact import exact_kernel
 from voxkernel.pictures import sphere_picture
 from voxkernel.spherical import spherical_map
-from voxkernel.spherical.coverage import Boundary, Region, coverage_optimum, kernel_region, solid_angles
+from voxkernel.spherical.boundary_angle import Boundary, solid_angles
+from voxkernel.spherical.coverage import coverage_optimum
 from voxkernel.spherical.harmonics import fit_harmonics
 from voxkernel.spherical.radial_grid import grid_triangles
+from voxkernel.spherical.search_region import Region, kernel_region
 from voxkernel.spherical.sphere_grids import GRIDS, sphere_grid
 
 FULL = 4 * np.pi

@@ -53,9 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, with progress on stderr."""
+    from voxkernel.cli.progress import shown
     from voxkernel.evaluation import evaluate
     from voxkernel.evaluation.inputs import BadInput
-    from voxkernel.evaluation.progress import shown
     from voxkernel.report.text import left_out_text
 
     settings = _settings(args)

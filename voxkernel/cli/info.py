@@ -78,8 +78,8 @@ def npz_facts(path: str) -> dict[str, Any]:
 
 def vdb_facts(path: str) -> dict[str, Any]:
     """Collect the facts of a .vdb file and of its grids, in the order of the file."""
-    from voxkernel.cli.vdb_listing import grid_statistics
     from voxkernel.vdb import read_vdb
+    from voxkernel.vdb.statistics import grid_statistics
 
     file = read_vdb(path)
     grids = [

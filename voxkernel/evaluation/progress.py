@@ -1,17 +1,12 @@
-"""How far an evaluation is: numbers for any caller, a bar on a terminal, plain lines elsewhere."""
+"""How far an evaluation is, in numbers for any caller."""
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
-__all__ = ["EvaluationProgress", "Speed", "shown"]
+__all__ = ["EvaluationProgress", "Speed", "clock"]
 
-_PLAIN_SECONDS = 10.0
 _WINDOW = 30.0
 
 
@@ -68,47 +63,3 @@ def clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-
-
-@contextmanager
-def shown(*, quiet: bool) -> Generator[Callable[[EvaluationProgress], None] | None]:
-    """Give what shows progress on stderr: a bar on a terminal, lines elsewhere, nothing when quiet."""
-    if quiet:
-        yield None
-    elif sys.stderr.isatty():
-        with _bar() as show:
-            yield show
-    else:
-        yield _lines()
-
-
-def _lines() -> Callable[[EvaluationProgress], None]:
-    """Print a line every ten seconds or tenth of the work, and the last one."""
-    last: list[Any] = [time.monotonic(), 0]
-
-    def show(state: EvaluationProgress) -> None:
-        now, tenth = time.monotonic(), 10 * state.done // max(1, state.total)
-        if now - last[0] >= _PLAIN_SECONDS or tenth > last[1]:
-            last[:] = now, tenth
-            sys.stderr.write(f"voxkernel: {state}\n")
-            sys.stderr.flush()
-
-    return show
-
-
-@contextmanager
-def _bar() -> Generator[Callable[[EvaluationProgress], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[words]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=None, words="starting")
-
-        def show(state: EvaluationProgress) -> None:
-            words = f"[red]{state.failed} failed[/red]" if state.failed else "0 failed"
-            words += f", {state.rate:.3g} per second" if state.rate else ""
-            words += "" if state.remaining is None else f", {clock(state.remaining)} remaining"
-            progress.update(task, total=state.total, completed=state.done, words=words)
-
-        yield show

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from voxkernel._core import planes_reaching
 from voxkernel.exact.dual_hull import DualHull, Polyhedron, polyhedron_of_duals
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.half_spaces import IntegerPlane
+from voxkernel.halfspaces.integer_planes import IntegerPlane
 
 __all__ = ["Stretched", "axes_of_cloud", "axes_of_corners", "stretched_polyhedron"]
 

@@ -4,8 +4,9 @@ Also where kernels are looked for (domains), and whether half-spaces have a comm
 """
 
 from voxkernel.halfspaces.domain import Domain, ball_domain, box_domain, hull_domain, planes_domain
-from voxkernel.halfspaces.feasibility import Feasibility, Witness, find_feasibility
+from voxkernel.halfspaces.feasibility import Feasibility, find_feasibility
 from voxkernel.halfspaces.half_spaces import HalfSpaces
+from voxkernel.halfspaces.witness import Witness
 
 __all__ = [
     "Domain",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import gcd
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +12,10 @@ from voxkernel._core import find_deep_point
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.halfspaces.predicates import touched_and_violated
-from voxkernel.halfspaces.rational_program import as_integers, deepest_rational_point, kernel_of_rows, rank_of
+from voxkernel.halfspaces.rational_program import deepest_rational_point, kernel_of_rows, rank_of
+from voxkernel.halfspaces.witness import Witness, empty_witness, lifted_witness, witness_of
 
-__all__ = ["Feasibility", "Witness", "find_feasibility"]
-
-
-@dataclass(frozen=True, slots=True)
-class Witness:
-    """Half-spaces and multipliers >= 0 with sum(l n) = 0 and sum(l d) <= 0, in exact integers.
-
-    Below zero no point satisfies all of them; at zero every common point lies on each of them.
-    """
-
-    ids: tuple[int, ...]
-    multipliers: tuple[int, ...]
+__all__ = ["Feasibility", "find_feasibility"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,54 +69,13 @@ def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasib
     rows, opposing, gap, depth, point, nearest, passes = find_deep_point(
         halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
     )
-    witness = _empty_witness(halfspaces, opposing)
+    witness = empty_witness(halfspaces, opposing)
     if witness is not None:
         return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, gap, passes)
     if depth == 0.0:
         return nearest, passes, None
     every = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     return rows, passes, Feasibility(3, halfspaces.to_lattice(point), every, (), rows, point, depth, passes)
-
-
-def _empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | None:
-    """Prove in integers that a handful of half-spaces have no common point; None when they have one."""
-    if not len(ids):
-        return None
-    planes = halfspaces.integer_planes(ids)
-    multipliers = _cofactors(planes)
-    if multipliers is not None:
-        return Witness(tuple(int(i) for i in ids), multipliers)
-    unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
-    optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in planes], 3, unit=unit)
-    if optimum.clearance >= 0:
-        return None
-    return _witness(ids, optimum.multipliers)
-
-
-def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | None:
-    """Multipliers of four planes in general position that have no common point; None for any other."""
-    if len(planes) != 4:
-        return None
-    signed: list[int] = []
-    for skip in range(4):
-        a, b, c = (p for i, p in enumerate(planes) if i != skip)
-        determinant = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            - a[1] * (b[0] * c[2] - b[2] * c[0])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
-        signed.append(-determinant if skip % 2 else determinant)
-    if all(v < 0 for v in signed):
-        signed = [-v for v in signed]
-    if not all(v > 0 for v in signed) or sum(m * p[3] for m, p in zip(signed, planes, strict=True)) >= 0:
-        return None
-    divisor = gcd(*signed)
-    return tuple(v // divisor for v in signed)
-
-
-def _witness(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:
-    used = sorted(multipliers)
-    return Witness(tuple(int(ids[i]) for i in used), tuple(as_integers([multipliers[i] for i in used])))
 
 
 def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -> Feasibility:
@@ -202,7 +150,7 @@ def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
         optimum = deepest_rational_point([reduced[i] for i in moving], len(directions), unit=unit / length)
         multipliers = {moving[i]: m for i, m in optimum.multipliers.items()}
         if optimum.clearance < 0:
-            return -1, None, (), (_witness(rows, multipliers),), rows[equal]
+            return -1, None, (), (witness_of(rows, multipliers),), rows[equal]
         shift = [
             sum((w[k] * z for w, z in zip(directions, optimum.point, strict=True)), Fraction(0))
             for k in range(3)
@@ -211,66 +159,9 @@ def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
         if optimum.clearance > 0:
             break
         equal += sorted(multipliers)
-        witnesses.append(_lifted_witness(rows, planes, equal))
+        witnesses.append(lifted_witness(rows, planes, equal))
         directions = kernel_of_rows([planes[i][:3] for i in equal])
     dimension = len(directions)
     if equal and 3 - rank_of([planes[i][:3] for i in equal]) != dimension:
         raise SolverError("the exact linear program lost count of the dimension")
     return dimension, base, tuple(directions), tuple(witnesses), rows[equal]
-
-
-def _lifted_witness(
-    rows: NDArray[np.int64], planes: list[tuple[int, int, int, int]], equal: list[int]
-) -> Witness:
-    """Turn equalities found in a subspace into one witness in space: sum(l n) = 0 and sum(l d) = 0, all l > 0.
-
-    A half-space is an implicit equality of a set exactly when some non-negative combination with a
-    positive share of it vanishes; maximising the smallest share finds one for all at once.
-    """
-    combination = _positive_combination([planes[i] for i in equal])
-    if combination is None:
-        raise SolverError("the equalities of a flat kernel have no common witness")
-    return Witness(tuple(int(rows[i]) for i in equal), tuple(as_integers(combination)))
-
-
-def _positive_combination(planes: list[tuple[int, int, int, int]]) -> list[Fraction] | None:
-    """Find l > 0 with sum(l * plane) = 0 for a handful of planes in 4-space."""
-    n = len(planes)
-    total = [Fraction(0)] * n
-    for i in range(n):
-        part = _combination_with(planes, i)
-        if part is None:
-            return None
-        total = [u + v for u, v in zip(total, part, strict=True)]
-    return total
-
-
-def _combination_with(planes: list[tuple[int, int, int, int]], chosen: int) -> list[Fraction] | None:
-    """Find l >= 0 with l[chosen] = 1 and sum(l * plane) = 0, trying sets of at most 4 other planes."""
-    from itertools import combinations
-
-    from voxkernel.halfspaces.rational_program import solve_rational
-
-    target = [-Fraction(v) for v in planes[chosen]]
-    others = [i for i in range(len(planes)) if i != chosen]
-    for size in range(1, 5):
-        for subset in combinations(others, size):
-            # Least squares in rationals: exact solution iff the residual vanishes.
-            gram = [
-                [Fraction(sum(planes[i][k] * planes[j][k] for k in range(4))) for j in subset] for i in subset
-            ]
-            right = [sum((planes[i][k] * target[k] for k in range(4)), Fraction(0)) for i in subset]
-            solution = solve_rational(gram, right)
-            if solution is None or any(v < 0 for v in solution):
-                continue
-            if all(
-                sum((v * planes[i][k] for v, i in zip(solution, subset, strict=True)), Fraction(0))
-                == target[k]
-                for k in range(4)
-            ):
-                result = [Fraction(0)] * len(planes)
-                result[chosen] = Fraction(1)
-                for v, i in zip(solution, subset, strict=True):
-                    result[i] = v
-                return result
-    return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import frexp, isqrt, ldexp, sqrt
+from math import frexp, ldexp, sqrt
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_points, read_only
 from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
 from voxkernel.errors import MeshError
+from voxkernel.halfspaces.integer_planes import (
+    IntegerPlane,
+    bits_of,
+    dyadic_sum,
+    explicit_plane,
+    lattice_bits,
+    ratios,
+    round_plane,
+    to_float,
+    triangle_plane,
+)
 from voxkernel.halfspaces.rational_program import rank_of
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh import TriangleMesh
 
-__all__ = ["HalfSpaces", "IntegerPlane", "as_halfspaces"]
-
-IntegerPlane = tuple[int, int, int, int]
+__all__ = ["HalfSpaces"]
 
 _EXPLICIT_ERROR = 32 * 2.0**-53
 _LARGEST = 2.0**200
@@ -101,7 +110,7 @@ class HalfSpaces:
         low, high, smallest = coordinate_range(vertices, faces)
         origin, scale = _local_frame(low, high)
         _check_spans((high - low).tolist(), thinnest)
-        bits = _bits_of(smallest)
+        bits = bits_of(smallest)
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
         areas, errors = np.empty(n), np.empty(n)
@@ -110,8 +119,8 @@ class HalfSpaces:
         if undecided:
             frame = (origin, scale, bits)
             for i in np.flatnonzero(errors == -1.0):
-                plane = _triangle_plane(vertices, corners[i], bits)
-                normals[i], offsets[i], areas[i], errors[i] = _round_plane(plane, *frame)
+                plane = triangle_plane(vertices, corners[i], bits)
+                normals[i], offsets[i], areas[i], errors[i] = round_plane(plane, *frame)
         keep = errors >= 0.0
         n_kept = int(np.count_nonzero(keep))
         if n_kept == 0:
@@ -122,7 +131,7 @@ class HalfSpaces:
             normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
             facet_ids, corners = facet_ids[keep], corners[keep]
         if bounds_volume:
-            exact = (_triangle_plane(vertices, row, bits)[:3] for row in corners)
+            exact = (triangle_plane(vertices, row, bits)[:3] for row in corners)
             bounds_volume = _span_space(normals, exact)
         return cls(
             local_normals=read_only(normals),
@@ -243,8 +252,8 @@ class HalfSpaces:
         unit, per_scale = self.scale.as_integer_ratio()
         unit <<= self._lattice_bits
         x, y, z = (
-            _dyadic_sum(v * unit, w * per_scale, o << self._lattice_bits, p)
-            for (v, w), (o, p) in zip(_ratios(local), _ratios(self.origin), strict=True)
+            dyadic_sum(v * unit, w * per_scale, o << self._lattice_bits, p)
+            for (v, w), (o, p) in zip(ratios(local), ratios(self.origin), strict=True)
         )
         return x, y, z
 
@@ -254,7 +263,7 @@ class HalfSpaces:
         inverse = 1 / Fraction(self.scale)
         return np.array(
             [
-                _to_float((Fraction(v) / shift - Fraction(float(o))) * inverse)
+                to_float((Fraction(v) / shift - Fraction(float(o))) * inverse)
                 for v, o in zip(point, self.origin, strict=True)
             ]
         )
@@ -280,9 +289,9 @@ class HalfSpaces:
         for i in ids:
             row = self._corners[i]
             if row[0] < 0:
-                planes.append(_explicit_plane(self._explicit[-1 - row[0]], self._lattice_bits))
+                planes.append(explicit_plane(self._explicit[-1 - row[0]], self._lattice_bits))
             else:
-                a, b, c, d = _triangle_plane(self._vertices, row, self._lattice_bits)
+                a, b, c, d = triangle_plane(self._vertices, row, self._lattice_bits)
                 planes.append((a, b, c, 0 if self.is_cone else d))
         return planes
 
@@ -349,19 +358,12 @@ class HalfSpaces:
             is_triangulation=False,
             _corners=_joined(self._corners, corners),
             _explicit=_joined(self._explicit, rows),
-            _lattice_bits=max(self._lattice_bits, _lattice_bits(rows)),
+            _lattice_bits=max(self._lattice_bits, lattice_bits(rows)),
         )
 
 
 def _joined(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return read_only(np.concatenate([one, two]))
-
-
-def as_halfspaces(surface: Any, *, facets: Any = None) -> HalfSpaces:
-    """Take half-spaces as they are; make them from anything `as_mesh` takes."""
-    if isinstance(surface, HalfSpaces):
-        return surface if facets is None else surface.select(np.asarray(facets))
-    return HalfSpaces.from_mesh(as_mesh(surface, facets=facets))
 
 
 def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = _LARGEST) -> NDArray[np.float64]:
@@ -424,20 +426,6 @@ def _check_spans(spans: list[float], thinnest: float) -> None:
         )
 
 
-def _lattice_bits(values: NDArray[np.float64]) -> int:
-    """Find bits so that every value times 2**bits is an integer."""
-    if values.size == 0:
-        return 0
-    magnitudes = np.abs(values)
-    return _bits_of(float(np.min(magnitudes, where=magnitudes > 0, initial=np.inf)))
-
-
-def _bits_of(smallest: float) -> int:
-    if smallest == np.inf:
-        return 0
-    return max(0, 53 - frexp(smallest)[1])
-
-
 def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
     """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
     for rows in (normals[:: max(1, len(normals) // 64)], normals):
@@ -451,63 +439,3 @@ def _least_spread(normals: NDArray[np.float64]) -> float:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = (normals.T @ normals / len(normals)).tolist()
     # The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
     return 4.0 * (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz))
-
-
-def _ratios(values: NDArray[np.float64]) -> list[tuple[int, int]]:
-    return [v.as_integer_ratio() for v in values.tolist()]
-
-
-def _dyadic_sum(a: int, p: int, b: int, q: int) -> Fraction:
-    """Add a / p and b / q for powers of two p and q."""
-    return Fraction(a + b * (p // q), p) if p >= q else Fraction(a * (q // p) + b, q)
-
-
-def _to_float(value: Fraction) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return float("inf") if value > 0 else -float("inf")
-
-
-def _to_integer(value: float, bits: int) -> int:
-    numerator, denominator = value.as_integer_ratio()
-    return (numerator << bits) // denominator
-
-
-def _triangle_plane(vertices: NDArray[np.float64], row: NDArray[np.int64], bits: int) -> IntegerPlane:
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
-        [_to_integer(float(v), bits) for v in vertices[corner]] for corner in row
-    )
-    ux, uy, uz = bx - ax, by - ay, bz - az
-    vx, vy, vz = cx - ax, cy - ay, cz - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return nx, ny, nz, nx * ax + ny * ay + nz * az
-
-
-def _explicit_plane(row: NDArray[np.float64], bits: int) -> IntegerPlane:
-    extra = max(0, _lattice_bits(row) - bits)
-    a, b, c = (_to_integer(float(v), bits + extra) for v in row[:3])
-    d = _to_integer(float(row[3]), bits + extra)
-    return a, b, c, d << bits
-
-
-def _round_plane(
-    plane: IntegerPlane, origin: NDArray[np.float64], scale: float, bits: int
-) -> tuple[tuple[float, float, float], float, float, float]:
-    """Round an exact plane to a local one; error -2 where the normal is exactly zero."""
-    a, b, c, d = plane
-    square = a * a + b * b + c * c
-    if square == 0:
-        return (0.0, 0.0, 0.0), 0.0, 0.0, -2.0
-    shift = 64
-    length = isqrt(square << (2 * shift))
-    normal = (
-        float(Fraction(a << shift, length)),
-        float(Fraction(b << shift, length)),
-        float(Fraction(c << shift, length)),
-    )
-    ox, oy, oz = (Fraction(float(v)) * (1 << bits) for v in origin)
-    distance = (d - a * ox - b * oy - c * oz) * (1 << shift) / length
-    unit = Fraction(scale) * (1 << bits)
-    area = Fraction(length, 1 << shift) / (2 * unit * unit)
-    return normal, float(distance / unit), float(area), 8 * 2.0**-53

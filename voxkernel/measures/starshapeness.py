@@ -7,28 +7,24 @@ from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from voxkernel._checks import as_depth, as_nonnegative, as_positive, read_only
+from voxkernel._checks import as_positive
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
-from voxkernel.exact.exact_kernel import resolve_surface
-from voxkernel.halfspaces import Domain, HalfSpaces
-from voxkernel.halfspaces.domain import surface_frame
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces.surface_arguments import relaxed_domain, resolve_surface
+from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
 from voxkernel.measures.visibility import VisibleFraction, visible_fraction
 from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.relaxed import StarCenter
-from voxkernel.relaxed.facet_weights import WeighedPlanes, halfspaces_of, relaxed_domain, weigh
-from voxkernel.relaxed.root_cube import MIN_DEPTH, root_cube
-from voxkernel.relaxed.violation import center_of_planes
-from voxkernel.voxels.relaxed_octree import relaxed_cells_of
+from voxkernel.relaxed.best_center import center_of_planes
+from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
 
-__all__ = ["DefectProfile", "Starshapeness", "defect_profile", "starshapeness"]
+__all__ = ["Starshapeness", "starshapeness"]
 
 _GAP = 1e-4
 _TOLERANCES = (0.01, 0.03, 0.1)
-_PROFILE = np.linspace(0.0, 0.5, 26)
-_PROFILE_DEPTH = 6
 
 Verdict = Literal["star-shaped", "degenerate", "not star-shaped"]
 
@@ -135,128 +131,6 @@ class Starshapeness:
         }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class DefectProfile:
-    """The share of the domain that the relaxed kernels of a surface fill: a signature of its shape.
-
-    It does not change when the surface is moved, turned or scaled, but for the width of its bounds.
-
-    Attributes
-    ----------
-    tolerances : (k,) float64
-        Shares of the surface that a point may not face.
-    volume_share_bounds : (k, 2) float64
-        Certain bounds on the volume of each relaxed kernel over the volume of the domain.
-    domain : Domain
-        Where the kernels were looked for.
-    depth : int
-        Of the grid the volumes were counted on.
-    """
-
-    tolerances: NDArray[np.float64]
-    volume_share_bounds: NDArray[np.float64]
-    domain: Domain
-    depth: int
-
-    def __repr__(self) -> str:
-        """Name range and depth."""
-        return f"DefectProfile({len(self.tolerances)} tolerances up to {self.tolerances.max():.6g}, depth={self.depth})"
-
-    @property
-    def volume_share(self) -> NDArray[np.float64]:
-        """Middle of the bounds, (k,)."""
-        return self.volume_share_bounds.mean(axis=1)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give everything as plain numbers, ready for JSON."""
-        return {
-            "tolerances": self.tolerances.tolist(),
-            "volume_share_bounds": self.volume_share_bounds.tolist(),
-            "domain": self.domain.kind,
-            "depth": self.depth,
-        }
-
-
-def defect_profile(
-    surface: Any,
-    *,
-    tolerances: ArrayLike | None = None,
-    depth: int = _PROFILE_DEPTH,
-    domain: Any = None,
-    facets: Any = None,
-    threads: int = 1,
-) -> DefectProfile:
-    """Compute how the volume of the relaxed kernel grows with the tolerance, in one traversal.
-
-    Parameters
-    ----------
-    surface : mesh, path, (vertices, faces) or HalfSpaces
-        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
-    tolerances : (k,) array_like, optional
-        Shares of the surface by area, in [0, 1]; 0, 0.02, ... 0.5 by default.
-    depth : int
-        2**depth voxels along the bounding cube of the domain, 3 to 20; the bounds halve with each level.
-    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
-        As for `best_center`: the convex hull of closed surfaces, the ball polytope about open ones. A "box"
-        does not move with the surface.
-    facets : int array or bool mask, optional
-        Restrict the surface to these facets.
-    threads : int
-        Threads; the result does not depend on it.
-
-    Returns
-    -------
-    DefectProfile
-        In the order of `tolerances`.
-
-    Raises
-    ------
-    MeshError, MeshReadError, TypeError, ValueError
-        If the surface, the domain or a number cannot be used.
-
-    Notes
-    -----
-    The grid lies in the principal frame of the surface. The domain's volume is taken to be right to 1e-9.
-
-    Examples
-    --------
-    >>> import voxkernel
-    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> profile = voxkernel.defect_profile(tetrahedron, tolerances=[0.0, 0.5])
-    >>> low, high = profile.volume_share_bounds[0].tolist()
-    >>> low > 0.8, high
-    (True, 1.0)
-    """
-    halfspaces, mesh = halfspaces_of(surface, facets)
-    values = np.array(_PROFILE if tolerances is None else tolerances, dtype=np.float64)
-    if values.ndim != 1 or not len(values):
-        raise ValueError(f"`tolerances` must have shape (k,) with k > 0; got {values.shape}")
-    if max(as_nonnegative("tolerances", v) for v in values) > 1.0:
-        raise ValueError(f"`tolerances` must be at most 1, the whole surface; got {values.max():g}")
-    levels = as_depth("depth", depth, MIN_DEPTH, 20)
-    planes = weigh(halfspaces)
-    region = relaxed_domain(planes.is_closed, mesh, domain)
-    return _profile(planes, mesh, region, values, levels, as_depth("threads", threads, 1, 256))
-
-
-def _profile(
-    planes: WeighedPlanes,
-    mesh: TriangleMesh | None,
-    region: Domain,
-    values: NDArray[np.float64],
-    depth: int,
-    threads: int,
-) -> DefectProfile:
-    """Count the voxels of all relaxed kernels."""
-    cube, _ = root_cube(region.vertices, np.eye(3) if mesh is None else surface_frame(mesh)[1])
-    cells = relaxed_cells_of(planes, region, cube, depth, [float(v) for v in values], threads=threads, count_only=True)
-    voxel = (cube.edge / 2**depth) ** 3 / region.volume
-    shares = np.array(
-        [(c.n_inside * voxel * (1 - 1e-9), (c.n_inside + c.n_boundary) * voxel * (1 + 1e-9)) for c in cells]
-    )
-    return DefectProfile(read_only(values), read_only(np.minimum(shares, 1.0)), region, depth)
-
-
 def starshapeness(
     surface: Any, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
 ) -> Starshapeness:
@@ -344,7 +218,7 @@ def _detail(
 ) -> tuple[VisibleFraction, DefectProfile]:
     """Cast rays from the star centre and measure a few relaxed kernels."""
     region = relaxed_domain(planes.is_closed, mesh, domain)
-    profile = _profile(planes, mesh, region, np.array(_TOLERANCES), _PROFILE_DEPTH, 1)
+    profile = profile_of_planes(planes, mesh, region, np.array(_TOLERANCES), PROFILE_DEPTH, 1)
     return visible_fraction(mesh, point), profile
 
 

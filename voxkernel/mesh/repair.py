@@ -12,7 +12,7 @@ from voxkernel._checks import as_depth, as_positive
 from voxkernel.errors import MeshError
 from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
-from voxkernel.mesh.facts import half_edges
+from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.files import Polygons, merge_equal_corners
 from voxkernel.mesh.polygons import scale_exponent, used_vertices
 from voxkernel.mesh.triangle_mesh import TriangleMesh

@@ -1,8 +1,7 @@
-"""What the points of a surface are weighed with: merged facet planes, integer weights, and a domain.
+"""What the points of a surface are weighed with: merged facet planes and integer weights.
 
-Weights are shares of the whole in fixed point, 60 bits: sums of integers are exact in any order, so a
-bound is certain and does not depend on the number of threads. A positive weight is at least one unit,
-so that a sum is zero exactly where nothing is violated.
+Weights are shares of the whole in fixed point, 60 bits: sums of integers are exact in any order, so a bound is certain
+and does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -15,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.halfspaces import Domain, HalfSpaces, ball_domain, hull_domain
-from voxkernel.halfspaces.domain import as_domain
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh import TriangleMesh
 
-__all__ = ["UNITS", "WeighedPlanes", "relaxed_domain", "weigh"]
+__all__ = ["UNITS", "WeighedPlanes", "weigh"]
 
 UNITS = 1 << 60
 
@@ -116,27 +114,3 @@ def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | No
         areas = np.bincount(ids, weights=halfspaces.weights, minlength=mesh.n_input_facets)
         one_each = np.where(counts[ids] > 1, halfspaces.weights / areas[ids], 1.0)
     return one_each if given is None else given[ids] * one_each
-
-
-def relaxed_domain(is_closed: bool, mesh: TriangleMesh | None, domain: Any) -> Domain:
-    """Choose where relaxed kernels are looked for: given, or the hull of closed surfaces, or the ball polytope."""
-    if domain is not None:
-        found = as_domain(domain, mesh)
-        if found is not None:
-            return found
-    if mesh is None:
-        raise ValueError("`domain` must be given for half-spaces; got None")
-    if not is_closed:
-        return ball_domain(mesh)
-    try:
-        return hull_domain(mesh)
-    except ValueError:  # a closed surface that lies in one plane
-        return ball_domain(mesh)
-
-
-def halfspaces_of(surface: Any, facets: Any) -> tuple[HalfSpaces, TriangleMesh | None]:
-    """Take half-spaces as they are, without a mesh; make them from anything `as_mesh` takes."""
-    if isinstance(surface, HalfSpaces):
-        return (surface if facets is None else surface.select(np.asarray(facets))), None
-    mesh = as_mesh(surface, facets=facets)
-    return HalfSpaces.from_mesh(mesh), mesh

@@ -1,4 +1,4 @@
-"""The cube an octree divides, and half-spaces expressed in it."""
+"""The cube an octree divides, and half-spaces and domains expressed in it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_positive, read_only
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import Domain, HalfSpaces
+from voxkernel.relaxed.facet_weights import WeighedPlanes
 
-__all__ = ["DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_planes", "root_cube"]
+__all__ = ["DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_arrays", "cube_planes", "root_cube"]
 
 DEFAULT_DEPTH = 7
 MIN_DEPTH, MAX_DEPTH = 3, 20
@@ -69,3 +70,17 @@ def cube_planes(
     far = float(np.linalg.norm(along)) + 2.0
     pads = planes.local_errors * (far + scale) + _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
     return normals, offsets, np.abs(normals).sum(axis=1), pads
+
+
+def cube_arrays(
+    planes: WeighedPlanes, domain: Domain, cube: RootCube, depth: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], int]:
+    """Express domain and facets in the unit cube, the domain first.
+
+    Returns normals, offsets, |a|_1, pads, weights (1 for the domain) and the number of domain planes.
+    """
+    border = HalfSpaces.from_planes(domain.normals, domain.offsets)
+    parts = cube_planes(border, cube, depth), cube_planes(planes.facets, cube, depth)
+    normals, offsets, reach, pads = (np.concatenate(pair) for pair in zip(*parts, strict=True))
+    weights = np.concatenate([np.ones(len(border), np.int64), planes.weights])
+    return normals, offsets, reach, pads, weights, len(border)

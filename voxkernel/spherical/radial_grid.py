@@ -12,7 +12,7 @@ from voxkernel._checks import as_depth, as_nonnegative, read_only
 from voxkernel._core import settle_rays, triangle_distances
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh.facts import half_edges
+from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.polygons import used_vertices, without_strays
 from voxkernel.spherical.harmonics import MAX_DEGREE, Harmonics, fit_harmonics
 from voxkernel.spherical.sphere_grids import GridKind, SphereGrid, sphere_grid

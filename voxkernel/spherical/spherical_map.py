@@ -12,24 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
 from voxkernel._core import directions_and_radii
 from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
-from voxkernel.exact.exact_kernel import resolve_surface
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
+from voxkernel.halfspaces.surface_arguments import resolve_surface
 from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.polygons import triangle_areas, used_vertices
 from voxkernel.relaxed import best_center
-from voxkernel.spherical.coverage import (
-    Boundary,
-    CoverageCertificate,
-    agrees_with_boundary,
-    coverage_optimum,
-    distortion_optimum,
-    facet_sides,
-    kernel_region,
-    solid_angles,
-)
+from voxkernel.spherical.boundary_angle import Boundary, agrees_with_boundary, facet_sides, solid_angles
+from voxkernel.spherical.coverage import CoverageCertificate, coverage_optimum, distortion_optimum
 from voxkernel.spherical.harmonics import MAX_DEGREE, Harmonics
 from voxkernel.spherical.radial_grid import RadialGrid, ReconstructionError, reconstruction_error, sample_radii
+from voxkernel.spherical.search_region import kernel_region
 from voxkernel.spherical.sphere_grids import GridKind
 
 __all__ = ["CENTERS", "SphericalMap", "spherical_map"]

@@ -1,8 +1,11 @@
 """Half-spaces in, voxels out: the kernel with certain bounds, or the field of the violation."""
 
-from voxkernel.voxels.voxel_kernel import KernelGrid, voxel_kernel
+from voxkernel.voxels.kernel_grid import KernelGrid
+from voxkernel.voxels.violation_grid import violation_grid
+from voxkernel.voxels.voxel_kernel import voxel_kernel
 
 __all__ = [
     "KernelGrid",
+    "violation_grid",
     "voxel_kernel",
 ]

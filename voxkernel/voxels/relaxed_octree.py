@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from voxkernel._core import StopFlag, relaxed_cells
 from voxkernel._threads import run_parts
-from voxkernel.halfspaces import Domain, HalfSpaces
+from voxkernel.halfspaces import Domain
 from voxkernel.relaxed.facet_weights import WeighedPlanes
-from voxkernel.relaxed.root_cube import RootCube, cube_planes
+from voxkernel.relaxed.root_cube import RootCube, cube_arrays
 
-__all__ = ["RelaxedCells", "cube_arrays", "relaxed_cells_of"]
+__all__ = ["RelaxedCells", "relaxed_cells_of"]
 
 _FEW = 50_000  # planes up to which the work is divided among 64 cells, not 8
 _NEVER = 99
@@ -31,20 +31,6 @@ class RelaxedCells:
     leaf_boundary: NDArray[np.uint64]
     n_inside: int
     n_boundary: int
-
-
-def cube_arrays(
-    planes: WeighedPlanes, domain: Domain, cube: RootCube, depth: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], int]:
-    """Express domain and facets in the unit cube, the domain first.
-
-    Returns normals, offsets, |a|_1, pads, weights (1 for the domain) and the number of domain planes.
-    """
-    border = HalfSpaces.from_planes(domain.normals, domain.offsets)
-    parts = cube_planes(border, cube, depth), cube_planes(planes.facets, cube, depth)
-    normals, offsets, reach, pads = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    weights = np.concatenate([np.ones(len(border), np.int64), planes.weights])
-    return normals, offsets, reach, pads, weights, len(border)
 
 
 def relaxed_cells_of(

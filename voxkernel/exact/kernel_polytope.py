@@ -1,0 +1,146 @@
+"""`KernelPolytope`: the kernel of a surface as a convex polytope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.errors import MeshError
+from voxkernel.exact.certificate import Certificate
+from voxkernel.halfspaces import Domain
+from voxkernel.mesh import TriangleMesh
+
+__all__ = ["KernelPolytope"]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class KernelPolytope:
+    """The kernel of a surface: a convex polytope, possibly flat or empty.
+
+    Attributes
+    ----------
+    dimension : int
+        -1 empty, 0 point, 1 segment, 2 flat polygon, 3 solid; exact for the doubles given.
+    vertices : (k, 3) float64
+        Corners, world coordinates, rounded; (0, 3) when empty.
+    face_starts, face_vertices : (f + 1,) and (j,) int64
+        Polygon i is `face_vertices[face_starts[i]:face_starts[i + 1]]`, vertex ids counter-clockwise
+        seen from outside. A flat kernel has one polygon; a segment and a point have none.
+    face_facets : (f,) int64
+        The input facet that made each face; -1 - j for plane j of the domain.
+    volume, area : float
+        Mesh units cubed and squared; the area of a flat kernel is that of its polygon.
+    centroid : (3,) float64
+        Centroid; NaN when empty.
+    inertia : (3, 3) float64
+        Second central moment, the integral of (x - c)(x - c)^T over the volume; zero when flat.
+    deepest_point : (3,) float64
+        Centre of a largest inscribed ball; NaN when empty.
+    clearance : float
+        Its distance from the nearest facet plane; 0 for a flat kernel, NaN when empty.
+    certificate : Certificate
+        Proof of `dimension`.
+    domain : Domain or None
+        Where the kernel was looked for; None means everywhere.
+    cut_by_domain : bool
+        Whether the domain removed a part of the kernel.
+    is_bounded : bool
+        Whether the kernel without the domain is bounded (an empty one is).
+    unclipped_dimension : int
+        Dimension of the kernel without the domain.
+    unclipped_point : (3,) float64 or None
+        A point of the kernel without the domain, rounded.
+    unclipped_certificate : Certificate
+        Proof of `unclipped_dimension`.
+    max_residual : float
+        Largest distance by which a rounded vertex lies outside a half-space, mesh units.
+    volume_bounds : (float, float)
+        Interval around `volume` that covers the rounding of the vertices.
+    """
+
+    dimension: int
+    vertices: NDArray[np.float64]
+    face_starts: NDArray[np.int64]
+    face_vertices: NDArray[np.int64]
+    face_facets: NDArray[np.int64]
+    volume: float
+    area: float
+    centroid: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    deepest_point: NDArray[np.float64]
+    clearance: float
+    certificate: Certificate
+    domain: Domain | None
+    cut_by_domain: bool
+    is_bounded: bool
+    unclipped_dimension: int
+    unclipped_point: NDArray[np.float64] | None
+    unclipped_certificate: Certificate
+    max_residual: float
+    volume_bounds: tuple[float, float]
+
+    def __repr__(self) -> str:
+        """Name dimension, size and volume."""
+        return (
+            f"KernelPolytope(dimension={self.dimension}, vertices={len(self.vertices)}, "
+            f"faces={len(self.face_facets)}, volume={self.volume:.6g})"
+        )
+
+    @property
+    def faces(self) -> tuple[NDArray[np.int64], ...]:
+        """The polygons as a tuple of vertex id arrays."""
+        bounds = self.face_starts.tolist()
+        return tuple(self.face_vertices[a:b] for a, b in pairwise(bounds))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no point sees the whole surface."""
+        return self.dimension < 0
+
+    def to_mesh(self) -> TriangleMesh:
+        """Give the faces as a polygon mesh.
+
+        Returns
+        -------
+        TriangleMesh
+            Facet i of it is `faces[i]`.
+
+        Raises
+        ------
+        MeshError
+            If the kernel has no faces: it is empty, a point or a segment, or so small that its
+            corners, rounded, are.
+        """
+        if not len(self.face_facets):
+            raise MeshError(f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}")
+        return TriangleMesh.from_polygons(self.vertices, [list(map(int, f)) for f in self.faces], source="kernel")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""
+        return {
+            "dimension": self.dimension,
+            "vertices": self.vertices.tolist(),
+            "faces": [f.tolist() for f in self.faces],
+            "face_facets": self.face_facets.tolist(),
+            "volume": self.volume,
+            "area": self.area,
+            "centroid": _plain(self.centroid),
+            "inertia": self.inertia.tolist(),
+            "deepest_point": _plain(self.deepest_point),
+            "clearance": None if np.isnan(self.clearance) else self.clearance,
+            "certificate": self.certificate.to_dict(),
+            "domain": None if self.domain is None else {"kind": self.domain.kind, "volume": self.domain.volume},
+            "cut_by_domain": self.cut_by_domain,
+            "is_bounded": self.is_bounded,
+            "unclipped_dimension": self.unclipped_dimension,
+            "unclipped_point": None if self.unclipped_point is None else _plain(self.unclipped_point),
+            "max_residual": self.max_residual,
+        }
+
+
+def _plain(point: NDArray[np.float64]) -> list[float] | None:
+    return None if np.isnan(point).any() else [float(v) for v in point]

@@ -1,0 +1,241 @@
+"""The point that faces the most of a surface, with certified bounds: `best_center`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._checks import as_positive, read_only
+from voxkernel._core import least_violated
+from voxkernel.exact import kernel_of_halfspaces
+from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
+from voxkernel.halfspaces.domain import surface_frame
+from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
+from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
+from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh.polygons import used_vertices
+from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
+from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
+from voxkernel.relaxed.violation import Weights, violated_units
+
+__all__ = ["GAP", "StarCenter", "best_center", "center_of_planes"]
+
+_UNIT_ROUNDOFF = 2.0**-53
+_LEVELS = (12, 18, 26, 34, 42)
+_COARSE_LEVELS = (6, 6, 7, 8, 9, *_LEVELS)
+_COARSE = 512  # planes up to which the least violated points are often a plane, a line or a point
+_MAX_CELLS = 2_000_000
+GAP = 1e-4
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StarCenter:
+    """The point that faces the most of a surface, and bounds on what it cannot face.
+
+    Attributes
+    ----------
+    point : (3,) float64
+        World coordinates, inside the domain.
+    violation_bounds : (float, float)
+        Certain bounds on the smallest violation in the domain, as a share of the whole weight. The upper
+        one is reached at `point`, or within rounding of it where the least violated points fill no volume.
+        Both are 0 exactly when the kernel is not empty.
+    domain : Domain or None
+        Where the point was looked for; None when a kernel was found without one.
+    n_cells : int
+        Octree cells looked at; 0 when the kernel is not empty.
+    reason : str
+        Why the bounds are further apart than asked for; "" when they are not.
+    """
+
+    point: NDArray[np.float64]
+    violation_bounds: tuple[float, float]
+    domain: Domain | None
+    n_cells: int
+    reason: str
+
+    def __repr__(self) -> str:
+        """Name the point and the bounds."""
+        low, high = self.violation_bounds
+        place = ", ".join(f"{v:.6g}" for v in self.point)
+        return f"StarCenter(point=({place}), violation_bounds=({low:.6g}, {high:.6g}))"
+
+    @property
+    def gap(self) -> float:
+        """Distance between the bounds."""
+        return self.violation_bounds[1] - self.violation_bounds[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give everything as plain numbers, ready for JSON."""
+        return {
+            "point": self.point.tolist(),
+            "violation_bounds": list(self.violation_bounds),
+            "domain": None if self.domain is None else self.domain.kind,
+            "n_cells": self.n_cells,
+            "reason": self.reason,
+        }
+
+
+def best_center(
+    surface: Any,
+    *,
+    gap: float | None = None,
+    relative_gap: float | None = None,
+    domain: Any = None,
+    weights: Weights = "area",
+    facets: Any = None,
+) -> StarCenter:
+    """Find the point that faces the most of a surface, with certain bounds on the smallest violation.
+
+    Parameters
+    ----------
+    surface : mesh, path, (vertices, faces) or HalfSpaces
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    gap : float, optional
+        Stop when the bounds are this close, as a share of the whole weight, > 0; 1e-4 where
+        `relative_gap` is not given.
+    relative_gap : float, optional
+        Stop when they are this close as a share of the upper one, in (0, 1): for surfaces that are nearly
+        star-shaped. With both, either is enough.
+    domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
+        Where the point may be: the convex hull of surfaces that bound a volume and a ball polytope about
+        open ones by default.
+    weights : {"area", "count"} or (k,) array_like
+        As for `violation`.
+    facets : int array or bool mask, optional
+        Restrict the surface to these facets.
+
+    Returns
+    -------
+    StarCenter
+        When the kernel is not empty, its deepest point and bounds of exactly (0, 0).
+
+    Raises
+    ------
+    MeshError, MeshReadError, TypeError, ValueError
+        If the surface, the domain, a gap or the weights cannot be used.
+
+    Notes
+    -----
+    Global, not a local search: branch and bound over octree cells in the principal frame of the surface, so
+    that the point moves with it. A cell's lower bound is what all of it violates for certain, its upper one
+    what its centre does. Whether the minimum is 0 is left to the exact kernel, for facets of positive weight.
+    A minimum reached only on a plane, a line or a point is bracketed but may not be met; `reason` says so.
+
+    Examples
+    --------
+    >>> import voxkernel
+    >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> center = voxkernel.best_center(tetrahedron)
+    >>> center.violation_bounds
+    (0.0, 0.0)
+    """
+    ratio = 0.0 if relative_gap is None else as_positive("relative_gap", relative_gap)
+    if ratio >= 1.0:
+        raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
+    default = GAP if relative_gap is None else 0.0
+    share = default if gap is None else min(1.0, as_positive("gap", gap))
+    halfspaces, mesh = halfspaces_of(surface, facets)
+    return center_of_planes(weigh(halfspaces, weights, mesh=mesh), mesh, domain, share, ratio)
+
+
+def center_of_planes(
+    planes: WeighedPlanes, mesh: TriangleMesh | None, domain: Any, gap: float, ratio: float = 0.0
+) -> StarCenter:
+    """Find the least violated point of weighed planes; `domain` is an argument or a Domain."""
+    facets = planes.facets
+    region = None
+    if domain is not None or mesh is None or not planes.is_closed:
+        region = relaxed_domain(planes.is_closed, mesh, domain)
+    every = facets if region is None else facets.with_planes(region.normals, region.offsets)
+    verdict = find_feasibility(every)
+    if verdict.dimension >= 0:
+        kernel = kernel_of_halfspaces(facets, region)
+        return StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
+    # No point satisfies the witness, so one of its facets is always violated.
+    held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
+    known = float(planes.shares[held].min()) if held else 0.0
+    if region is None:
+        region = relaxed_domain(planes.is_closed, mesh, None)
+    point, best, lower, n_cells = _searched(planes, mesh, region, gap, ratio)
+    low, high = planes.share_bounds(lower, best)
+    low = min(high, max(low, known))
+    close = high - low <= max(gap, ratio * high) + 4 * planes.slack / UNITS
+    reason = "" if close else "the least violated points fill no volume, or more cells are needed than allowed"
+    return StarCenter(read_only(point), (low, high), region, n_cells, reason)
+
+
+def _searched(
+    planes: WeighedPlanes, mesh: TriangleMesh | None, region: Domain, gap: float, ratio: float
+) -> tuple[NDArray[np.float64], int, int, int]:
+    """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
+    axes = np.eye(3) if mesh is None else surface_frame(mesh)[1]
+    cube = _skew_cube(region, axes)
+    arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
+    blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
+    point = region.vertices.mean(axis=0)
+    is_coarse = len(planes.facets) <= _COARSE
+    seeds = point[None]
+    if mesh is not None and is_coarse:
+        seeds = np.concatenate([seeds, used_vertices(mesh.vertices, mesh.faces)])
+    border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
+    seeds = seeds[violated_units(border, seeds) == 0]
+    best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)
+    if len(seeds):
+        sums = violated_units(planes, seeds)
+        point, best = seeds[np.argmin(sums)], int(sums.min())
+    for levels in _COARSE_LEVELS if is_coarse else _LEVELS:
+        unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
+        # One unit more than is known lets the centre of a cell win over a seed on the surface.
+        reached, lower, count = least_violated(
+            *arrays, blur, best + 1, close, ratio, levels, _MAX_CELLS, unit, open_cell
+        )
+        n_cells += count
+        if not np.isnan(unit).any():
+            point = cube.to_world(unit)
+            # Planes within rounding of the point were counted as violated: the exact sum may be smaller.
+            best = min(best, reached, int(violated_units(planes, point[None])[0]))
+        if best - lower <= max(close, int(ratio * best)):
+            break
+        flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
+        if flat is not None and flat[1] < best:
+            point, best = flat
+        if best - lower <= max(close, int(ratio * best)) or count >= _MAX_CELLS:
+            break
+    return point, best, min(lower, best), n_cells
+
+
+def _meeting_point(
+    planes: WeighedPlanes, region: Domain, cube: RootCube, cell: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int] | None:
+    """Find a point of a small cell on the inner side of all planes through it, and what it violates.
+
+    Where the least violated points lie on a plane, a line or a point, no centre of a cell meets them. The
+    point is exact; it is rounded only when it is returned.
+    """
+    if np.isnan(cell).any():
+        return None
+    facets = planes.facets
+    middle, reach = cube.to_world(cell[:3]), cell[3] * cube.edge * (1.0 + 1e-6)
+    near = np.abs(facets.normals @ middle - facets.offsets) <= 2.0 * reach
+    sides = np.concatenate([cube.axes, -cube.axes])
+    corner = facets.select(near).with_planes(region.normals, region.offsets).with_planes(sides, sides @ middle + reach)
+    found = find_feasibility(corner)
+    if found.point is None:
+        return None
+    exact = corner.lattice_to_world(found.point)
+    lattice = facets.world_to_lattice(exact)
+    ids = planes_not_clear(facets, lattice)
+    violated = [i for i, s in zip(ids, exact_slacks(facets, ids, lattice), strict=True) if s < 0]
+    return np.array([float(v) for v in exact]), int(planes.weights[violated].sum())
+
+
+def _skew_cube(region: Domain, axes: NDArray[np.float64]) -> RootCube:
+    """Place a cube around the domain whose cells do not line up with planes at simple fractions of its size."""
+    cube, _ = root_cube(region.vertices, axes)
+    edge = cube.edge * 1.0860342
+    shift = cube.edge * np.array([0.0398107, 0.0466301, 0.0321433])
+    return RootCube(cube.corner - shift @ axes, edge, axes)
