@@ -7,8 +7,7 @@ import pytest
 from grids import random_frame, random_grid
 
 from voxkernel import _core
-from voxkernel.grid import SparseGrid
-from voxkernel.grid import sparse_grid as grid_module
+from voxkernel.grid import SparseGrid, query
 from voxkernel.grid.lookup import ActiveTable, find_rows, points_in, voxels_in
 from voxkernel.grid.morton import REACH
 
@@ -126,7 +125,7 @@ def test_a_long_list_about_a_compact_grid_makes_a_table(monkeypatch):
     points = grid.index_to_world(voxels + rng.uniform(-0.5, 0.5, (3000, 3)))
     expected = grid.is_active(voxels), grid.points_in_grid(points)
     assert grid._table is None
-    monkeypatch.setattr(grid_module, "_MIN_TABLE_QUERIES", 1000)
+    monkeypatch.setattr(query, "_MIN_TABLE_QUERIES", 1000)
     np.testing.assert_array_equal(grid.is_active(voxels), expected[0])
     assert grid._table is not None
     np.testing.assert_array_equal(grid.points_in_grid(points), expected[1])

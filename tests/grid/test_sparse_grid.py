@@ -511,12 +511,15 @@ def test_wrong_queries_are_named():
 
 def test_the_grid_imports_numpy_only_and_no_geometry():
     package = Path(grid_module.__file__).parent
-    for name in ("sparse_grid", "cell_runs", "morton", "leaf_bits", "blocks", "array_checks", "lookup"):
+    for name in (
+        "sparse_grid", "build", "query", "set_operations", "cell_runs", "morton", "leaf_bits", "blocks",
+        "array_checks", "lookup",
+    ):
         for node in ast.walk(ast.parse((package / f"{name}.py").read_text())):
             if isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= {"numpy"}
             elif isinstance(node, ast.ImportFrom):
-                allowed = ("numpy", "voxkernel", "collections.abc", "dataclasses", "typing")
+                allowed = ("__future__", "numpy", "voxkernel", "collections.abc", "dataclasses", "typing")
                 assert node.module.startswith(allowed), node.module
                 if node.module == "voxkernel._core":
                     assert {a.name.rpartition("_in_")[0] for a in node.names} == {"voxels", "points"}

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_points, read_only
-from voxkernel.grid import cell_runs
+from voxkernel.grid import build, cell_runs, query, set_operations
 from voxkernel.grid.array_checks import (
     array_of,
     check_overlap,
@@ -26,15 +26,12 @@ from voxkernel.grid.array_checks import (
     frame_of,
     frozen,
     in_order,
-    integers,
-    linear_of,
     tiles_of,
 )
-from voxkernel.grid.blocks import blocks_from_dense, dense_from_body, expanded, leaves_from_voxels
 from voxkernel.grid.cell_runs import Body, Cells
 from voxkernel.grid.leaf_bits import bit_bounds, popcount
-from voxkernel.grid.lookup import MAX_TABLE, ActiveTable, find_rows, points_in, voxels_in
-from voxkernel.grid.morton import REACH, decode, encode, last_of
+from voxkernel.grid.lookup import ActiveTable
+from voxkernel.grid.morton import decode, encode, last_of
 
 __all__ = ["SparseGrid"]
 
@@ -42,7 +39,6 @@ GridClass = Literal["unknown", "level set", "fog volume", "staggered"]
 GRID_CLASSES = ("unknown", "level set", "fog volume", "staggered")
 
 _set = object.__setattr__  # the dataclass is frozen for its users
-_MIN_TABLE_QUERIES = 1 << 16
 _SAME_CELL = 1e-6  # two transforms agree when they differ by less than this part of a voxel's edge
 
 
@@ -199,244 +195,10 @@ class SparseGrid:
 
     # -- constructors ------------------------------------------------------------------------------
 
-    @classmethod
-    def from_tiles_and_leaves(
-        cls,
-        tile_ijk: ArrayLike,
-        tile_log2: ArrayLike,
-        leaf_ijk: ArrayLike,
-        leaf_mask: ArrayLike,
-        *,
-        tile_values: ArrayLike | None = None,
-        leaf_values: ArrayLike | None = None,
-        background: float = 0.0,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-        voxel_size: float = 1.0,
-        linear: ArrayLike | None = None,
-        name: str = "",
-        grid_class: GridClass = "unknown",
-        metadata: Mapping[str, Any] | None = None,
-    ) -> Self:
-        """Grid from arrays that are already tiles and leaves; checks them and shares their memory.
-
-        Parameters
-        ----------
-        tile_ijk, tile_log2 : (T, 3) int32, (T,) int8
-            Aligned cubes of ``2**tile_log2`` active voxels.
-        leaf_ijk, leaf_mask : (L, 3) int32, (L, 8) uint64
-            Leaves and their active voxels.
-        tile_values, leaf_values : (T,) float32, (L, 512) float32, optional
-            Values of a float grid.
-        background : float, default 0
-            Value outside tiles and leaves.
-        origin : (3,) float64
-            Lower corner of voxel (0, 0, 0) in world units.
-        voxel_size : float, default 1
-            Edge of a voxel; used when `linear` is not given.
-        linear : (3, 3) float64, optional
-            Edges of a voxel as columns; wins over `voxel_size`.
-        name, grid_class, metadata : str, str, mapping, optional
-            See the class.
-
-        Returns
-        -------
-        SparseGrid
-            Empty arrays give an empty grid. Arrays already in Morton order are not copied.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As for the class.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> masks = np.zeros((1, 8), dtype=np.uint64)
-        >>> masks[0, 2] = 1 << 9  # x = 2, y = 1, z = 1
-        >>> grid = SparseGrid.from_tiles_and_leaves([[0, 0, 0]], [4], [[-8, 0, 0]], masks)
-        >>> grid.active_voxel_count
-        4097
-        >>> grid.active_bbox.tolist()
-        [[-6, 0, 0], [15, 15, 15]]
-        """
-        return cls(
-            cast(NDArray[np.int32], tile_ijk),
-            cast(NDArray[np.int8], tile_log2),
-            cast(NDArray[np.int32], leaf_ijk),
-            cast(NDArray[np.uint64], leaf_mask),
-            cast("NDArray[np.float32] | None", tile_values),
-            cast("NDArray[np.float32] | None", leaf_values),
-            background=background,
-            origin=cast(NDArray[np.float64], origin),
-            linear=linear_of(voxel_size, linear),
-            name=name,
-            grid_class=grid_class,
-            metadata=metadata or {},
-        )
-
-    @classmethod
-    def from_ijk(
-        cls,
-        ijk: ArrayLike,
-        *,
-        values: ArrayLike | None = None,
-        background: float = 0.0,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-        voxel_size: float = 1.0,
-        linear: ArrayLike | None = None,
-        name: str = "",
-    ) -> Self:
-        """Grid with the listed voxels active; full leaves become tiles.
-
-        Parameters
-        ----------
-        ijk : (n, 3) int
-            Voxel coordinates; repeats are allowed.
-        values : (n,) float32, optional
-            Value of each voxel; of repeats the last one counts.
-        background, origin, voxel_size, linear, name
-            See `from_tiles_and_leaves`.
-
-        Returns
-        -------
-        SparseGrid
-            n = 0 gives an empty grid.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `ijk` is not integer (n, 3) within [-2**23, 2**23), or `values` has another length.
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[0, 0, 0], [-1, 0, 0], [0, 0, 0]]).active_voxel_count
-        2
-        """
-        voxels = coordinates("ijk", ijk)
-        given = None if values is None else array_of("values", values, np.dtype(np.float32), (len(voxels),))
-        leaf_code, leaf_mask, leaf_values = leaves_from_voxels(voxels, given, background)
-        return cls._from_leaves(
-            leaf_code, leaf_mask, leaf_values, background, frame_of(origin, voxel_size, linear), name
-        )
-
-    @classmethod
-    def from_points(
-        cls,
-        xyz: ArrayLike,
-        *,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-        voxel_size: float = 1.0,
-        linear: ArrayLike | None = None,
-        name: str = "",
-    ) -> Self:
-        """Mask of the voxels in which at least one point lies.
-
-        Parameters
-        ----------
-        xyz : (n, 3) float64
-            Finite world points. A point on a shared face belongs to the voxel above it.
-        origin, voxel_size, linear, name
-            See `from_tiles_and_leaves`.
-
-        Returns
-        -------
-        SparseGrid
-            n = 0 gives an empty grid.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `xyz` is not finite real (n, 3), or a point lies beyond voxel +-2**23.
-
-        Examples
-        --------
-        >>> SparseGrid.from_points([[0.1, 0.1, 0.1], [-0.1, 0.1, 0.1]], voxel_size=0.5).to_ijk().tolist()
-        [[-1, 0, 0], [0, 0, 0]]
-        """
-        points = as_points("xyz", xyz)
-        frame_origin, frame_linear = frame_of(origin, voxel_size, linear)
-        cells = np.floor((points - frame_origin) @ np.linalg.inv(frame_linear).T)
-        if len(cells) and np.abs(cells).max() > REACH:
-            raise ValueError(f"`xyz` must lie within {REACH} voxels of `origin`; use a larger `voxel_size`")
-        return cls.from_ijk(cells.astype(np.int64), origin=frame_origin, linear=frame_linear, name=name)
-
-    @classmethod
-    def from_dense(
-        cls,
-        array: ArrayLike,
-        *,
-        lower: ArrayLike = (0, 0, 0),
-        background: float = 0.0,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-        voxel_size: float = 1.0,
-        linear: ArrayLike | None = None,
-        name: str = "",
-    ) -> Self:
-        """Grid from a dense array indexed [i, j, k].
-
-        Parameters
-        ----------
-        array : (nx, ny, nz) bool or float
-            bool gives a mask; numbers give a float grid whose active voxels are those unlike `background`.
-        lower : (3,) int, default (0, 0, 0)
-            Voxel of ``array[0, 0, 0]``.
-        background, origin, voxel_size, linear, name
-            See `from_tiles_and_leaves`.
-
-        Returns
-        -------
-        SparseGrid
-            In the form of `prune`: cubes of one value are tiles.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `array` is not three-dimensional bool or real, or reaches beyond +-2**23.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> grid = SparseGrid.from_dense(np.eye(3)[None], lower=(-1, 0, 0))
-        >>> grid.values_at([[-1, 1, 1], [-1, 1, 2]])
-        array([1., 0.], dtype=float32)
-        """
-        dense = np.asarray(array)
-        if dense.ndim != 3 or dense.dtype.kind not in "bfiu":
-            raise ValueError(f"`array` must be bool or real (nx, ny, nz); got {dense.dtype} {dense.shape}")
-        corner = coordinates("lower", np.reshape(np.asarray(lower), (1, -1)))[0]
-        if (corner + dense.shape > REACH).any():
-            raise ValueError(f"`array` must end below voxel {REACH}; got shape {dense.shape} from {corner.tolist()}")
-        leaf_code, leaf_mask, leaf_values = blocks_from_dense(dense, corner, np.float32(background))
-        return cls._from_leaves(
-            leaf_code, leaf_mask, leaf_values, background, frame_of(origin, voxel_size, linear), name
-        )
-
-    @classmethod
-    def _from_leaves(
-        cls,
-        leaf_code: NDArray[np.int64],
-        leaf_mask: NDArray[np.uint64],
-        leaf_values: NDArray[np.float32] | None,
-        background: float,
-        frame: tuple[NDArray[np.float64], NDArray[np.float64]],
-        name: str,
-    ) -> Self:
-        """Pruned grid from leaves with sorted codes."""
-        no_values = None if leaf_values is None else np.zeros(0, dtype=np.float32)
-        body = Body(np.zeros(0, np.int64), np.zeros(0, np.int8), no_values, leaf_code, leaf_mask, leaf_values)
-        empty = cls(
-            np.zeros((0, 3), np.int32),
-            np.zeros(0, np.int8),
-            np.zeros((0, 3), np.int32),
-            np.zeros((0, 8), np.uint64),
-            no_values,
-            None if leaf_values is None else np.zeros((0, 512), dtype=np.float32),
-            background=background,
-            origin=frame[0],
-            linear=frame[1],
-            name=name,
-        )
-        return empty._with(cell_runs.merged(body), {})
+    from_tiles_and_leaves = classmethod(build.from_tiles_and_leaves)
+    from_ijk = classmethod(build.from_ijk)
+    from_points = classmethod(build.from_points)
+    from_dense = classmethod(build.from_dense)
 
     def _with(self, body: Body, metadata: Mapping[str, Any], **frame: Any) -> Self:
         """A grid around a sorted, valid body, without checking it again; inactive tiles are dropped."""
@@ -515,158 +277,11 @@ class SparseGrid:
         )
         return sum(array.nbytes for array in arrays if array is not None)
 
-    def is_active(self, ijk: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which voxels are active.
-
-        Parameters
-        ----------
-        ijk : (n, 3) int
-            Voxel coordinates; any integers, those beyond +-2**23 are not active.
-
-        Returns
-        -------
-        (n,) bool
-            Empty for n = 0.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `ijk` is not an integer (n, 3) array.
-
-        Notes
-        -----
-        O(n log c) for c tiles and leaves. A long list about a compact grid is answered from a table of its
-        8^3 blocks, made once: at most 16 MB, and never longer than the list.
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[-3, 0, 5]]).is_active([[-3, 0, 5], [3, 0, 5]])
-        array([ True, False])
-        """
-        voxels = integers("ijk", ijk)
-        return voxels_in(voxels, self._table_for(len(voxels)), self._cells(), self.leaf_mask)
-
-    def _table_for(self, n_queries: int) -> ActiveTable | None:
-        """The faster way to ask this often: a table, made once, unless it is longer than the list."""
-        if self._table is None and n_queries >= _MIN_TABLE_QUERIES:
-            index = self._cells()
-            if 0 < ActiveTable.size_of(index.code, index.last) <= min(n_queries, MAX_TABLE):
-                _set(self, "_table", ActiveTable.build(*index, self.leaf_mask))
-        return self._table
-
-    def _rows(self, voxels: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Row of the leaf (or ``~row`` of the tile) that covers each voxel, and whether there is one."""
-        index = self._cells()
-        place, found = find_rows(index.code, index.last, voxels)
-        return (index.row[place] if len(index.row) else place), found
-
-    def values_at(self, ijk: ArrayLike) -> NDArray[np.float32]:
-        """Values of voxels, active or not.
-
-        Parameters
-        ----------
-        ijk : (n, 3) int
-            Voxel coordinates.
-
-        Returns
-        -------
-        (n,) float32
-            `background` where nothing is stored; 1 and 0 in a mask.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `ijk` is not an integer (n, 3) array.
-
-        Examples
-        --------
-        >>> grid = SparseGrid.from_ijk([[0, 0, 0]], values=[2.5], background=-1)
-        >>> grid.values_at([[0, 0, 0], [0, 0, 1], [99, 0, 0]])
-        array([ 2.5, -1. , -1. ], dtype=float32)
-        """
-        if self.tile_values is None or self.leaf_values is None:
-            return self.is_active(ijk).astype(np.float32)
-        voxels = integers("ijk", ijk)
-        values = np.full(len(voxels), self.background, dtype=np.float32)
-        rows, found = self._rows(voxels)
-        is_leaf, is_tile = found & (rows >= 0), found & (rows < 0)
-        at = voxels[is_leaf] & 7
-        values[is_leaf] = self.leaf_values[rows[is_leaf], at[:, 0] * 64 + at[:, 1] * 8 + at[:, 2]]
-        values[is_tile] = self.tile_values[~rows[is_tile]]
-        if len(self.inactive_log2):
-            code = encode(self.inactive_ijk >> 3)
-            place, found = find_rows(code, last_of(code, self.inactive_log2 - 3), voxels)
-            values[found] = self.inactive_values[place[found]]
-        return values
-
-    def to_ijk(self, *, max_voxels: int = 50_000_000) -> NDArray[np.int32]:
-        """List the active voxels.
-
-        Parameters
-        ----------
-        max_voxels : int, default 50 million
-            Refuse to expand more than this (12 bytes each).
-
-        Returns
-        -------
-        (n, 3) int32
-            In Morton order of the tiles and leaves, lexicographic within each; (0, 3) for an empty grid.
-
-        Raises
-        ------
-        ValueError
-            If there are more than `max_voxels` active voxels.
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[1, 0, 0], [0, 0, 7]]).to_ijk().tolist()
-        [[0, 0, 7], [1, 0, 0]]
-        """
-        count = self.active_voxel_count
-        if count > max_voxels:
-            raise ValueError(f"`max_voxels` must be at least the {count} active voxels to list them; got {max_voxels}")
-        return expanded(self._cells(), self.tile_ijk, self.tile_log2, (self.leaf_ijk, self.leaf_mask))
-
-    def to_dense(self, bbox: ArrayLike | None = None, *, max_voxels: int = 1 << 30) -> NDArray[Any]:
-        """Dense array of a box of voxels.
-
-        Parameters
-        ----------
-        bbox : (2, 3) int, optional
-            Lowest and highest voxel, inclusive; default `active_bbox`.
-        max_voxels : int, default 2**30
-            Refuse to make a larger array.
-
-        Returns
-        -------
-        (nx, ny, nz) bool or float32
-            Activity of a mask, values of a float grid (`background` where nothing is stored). (0, 0, 0) for
-            an empty grid without `bbox`.
-
-        Raises
-        ------
-        ValueError
-            If `bbox` is not an integer (2, 3) array with low <= high + 1, or larger than `max_voxels`.
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[0, 0, 0], [0, 0, 2]]).to_dense().astype(int).tolist()
-        [[[1, 0, 1]]]
-        """
-        if bbox is None:
-            bbox = self.active_bbox
-        box = np.array([[0, 0, 0], [-1, -1, -1]]) if bbox is None else integers("bbox", bbox)
-        if box.shape != (2, 3):
-            raise ValueError(f"`bbox` must have shape (2, 3); got {box.shape}")
-        low, high = (tuple(int(c) for c in row) for row in box)
-        shape = tuple(h - m + 1 for m, h in zip(low, high, strict=True))
-        if min(shape) < 0:
-            raise ValueError(f"`bbox` must have low <= high + 1; got {box.tolist()}")
-        if shape[0] * shape[1] * shape[2] > max_voxels:
-            raise ValueError(f"`max_voxels` must be at least {shape[0] * shape[1] * shape[2]} for this `bbox`")
-        off = (self.inactive_ijk, self.inactive_log2, self.inactive_values)
-        corners = (self.tile_ijk, self.leaf_ijk)
-        return dense_from_body(self._body, corners, off, np.array(low), shape, self.background)
+    is_active = query.is_active
+    values_at = query.values_at
+    to_ijk = query.to_ijk
+    to_dense = query.to_dense
+    points_in_grid = query.points_in_grid
 
     # -- index and world ---------------------------------------------------------------------------
 
@@ -741,125 +356,14 @@ class SparseGrid:
         """
         return (as_points("xyz", xyz) - self.origin) @ np.linalg.inv(self.linear).T - 0.5
 
-    def points_in_grid(self, xyz: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which world points lie in an active voxel.
-
-        Parameters
-        ----------
-        xyz : (n, 3) float64
-            World points. A point on a shared face belongs to the voxel above it.
-
-        Returns
-        -------
-        (n,) bool
-            Empty for n = 0.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `xyz` is not finite real (n, 3).
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[0, 0, 0]], voxel_size=0.5).points_in_grid([[0.4, 0, 0], [0.5, 0, 0]])
-        array([ True, False])
-        """
-        points = as_points("xyz", xyz)
-        to_cells = np.asarray(np.linalg.inv(self.linear), dtype=np.float64)
-        return points_in(
-            points, self.origin, to_cells, self._table_for(len(points)), self._cells(), self.leaf_mask
-        )
-
     # -- set operations ----------------------------------------------------------------------------
 
-    def union(self, other: "SparseGrid") -> Self:
-        """Voxels active in either grid; where both are, the values of this one hold.
-
-        Parameters
-        ----------
-        other : SparseGrid
-            Same transform, and a mask if and only if this one is.
-
-        Returns
-        -------
-        SparseGrid
-            With this grid's transform, background and name; metadata and inactive tiles are dropped.
-
-        Raises
-        ------
-        TypeError
-            If `other` is not a SparseGrid or holds values where this one does not.
-        ValueError
-            If the transforms differ.
-
-        Examples
-        --------
-        >>> a, b = SparseGrid.from_ijk([[0, 0, 0]]), SparseGrid.from_ijk([[0, 0, 1]])
-        >>> a.union(b).to_ijk().tolist()
-        [[0, 0, 0], [0, 0, 1]]
-        """
-        self._check_partner(other)
-        if self.is_mask != other.is_mask:
-            raise TypeError("`other` must be a mask like this grid, or hold values like it; got one of each")
-        return self._with(cell_runs.union(self._body, other._body, self._cells(), other._cells()), {})
-
-    def intersection(self, other: "SparseGrid") -> Self:
-        """Voxels active in both grids, with the values of this one.
-
-        Parameters
-        ----------
-        other : SparseGrid
-            Same transform; may be a mask where this one holds values, and the reverse.
-
-        Returns
-        -------
-        SparseGrid
-            With this grid's transform, background and name; metadata and inactive tiles are dropped.
-
-        Raises
-        ------
-        TypeError
-            If `other` is not a SparseGrid.
-        ValueError
-            If the transforms differ.
-
-        Examples
-        --------
-        >>> a, b = SparseGrid.from_ijk([[0, 0, 0], [0, 0, 1]]), SparseGrid.from_ijk([[0, 0, 1]])
-        >>> a.intersection(b).to_ijk().tolist()
-        [[0, 0, 1]]
-        """
-        self._check_partner(other)
-        return self._with(cell_runs.intersection(self._body, other._body, self._cells(), other._cells()), {})
-
-    def difference(self, other: "SparseGrid") -> Self:
-        """Voxels active in this grid and not in the other, with the values of this one.
-
-        Parameters
-        ----------
-        other : SparseGrid
-            Same transform; may be a mask where this one holds values, and the reverse.
-
-        Returns
-        -------
-        SparseGrid
-            With this grid's transform, background and name; metadata and inactive tiles are dropped.
-
-        Raises
-        ------
-        TypeError
-            If `other` is not a SparseGrid.
-        ValueError
-            If the transforms differ.
-
-        Examples
-        --------
-        >>> a, b = SparseGrid.from_ijk([[0, 0, 0], [0, 0, 1]]), SparseGrid.from_ijk([[0, 0, 1]])
-        >>> a.difference(b).to_ijk().tolist()
-        [[0, 0, 0]]
-        """
-        self._check_partner(other)
-        return self._with(cell_runs.difference(self._body, other._body, self._cells(), other._cells()), {})
+    union = set_operations.union
+    intersection = set_operations.intersection
+    difference = set_operations.difference
+    prune = set_operations.prune
+    to_mask = set_operations.to_mask
+    coarsened = set_operations.coarsened
 
     def _check_partner(self, other: object) -> None:
         """Set operations need the same voxels on both sides."""
@@ -870,68 +374,6 @@ class SparseGrid:
         turn = np.abs(to_cells @ other.linear - np.eye(3)).max()
         if max(shift, turn) > _SAME_CELL:
             raise ValueError("`other` must have the same transform; got another `origin` or `linear`")
-
-    def prune(self) -> Self:
-        """Same voxels and values in the fewest tiles and leaves: the form in which equal grids have equal
-        arrays.
-
-        Returns
-        -------
-        SparseGrid
-            Leaves without an active voxel and inactive tiles are dropped; name and metadata are kept.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> full = np.full((8, 8), 2**64 - 1, dtype=np.uint64)
-        >>> corners = np.indices((2, 2, 2)).reshape(3, 8).T * 8
-        >>> SparseGrid.from_tiles_and_leaves([], [], corners, full).prune()
-        SparseGrid('', 4096 active voxels, 1 tile, 0 leaves, mask)
-        """
-        return self._with(cell_runs.merged(self._body), self.metadata)
-
-    def to_mask(self) -> Self:
-        """The active voxels alone, without values.
-
-        Returns
-        -------
-        SparseGrid
-            A mask that shares this grid's arrays; inactive tiles are dropped, name and metadata are kept.
-
-        Examples
-        --------
-        >>> SparseGrid.from_ijk([[0, 0, 0]], values=[2.5], name="v").to_mask()
-        SparseGrid('v', 1 active voxel, 0 tiles, 1 leaf, mask)
-        """
-        return self._with(self._body._replace(tile_values=None, leaf_values=None), self.metadata, background=0.0)
-
-    def coarsened(self, *, rule: Literal["any", "all"] = "any") -> Self:
-        """Merge blocks of 2^3 voxels into one voxel of twice the edge.
-
-        Parameters
-        ----------
-        rule : {"any", "all"}, default "any"
-            A coarse voxel is active if any or if all of its eight voxels are.
-
-        Returns
-        -------
-        SparseGrid
-            Same origin, `linear` doubled; values are the mean of the active ones. Metadata and inactive
-            tiles are dropped.
-
-        Raises
-        ------
-        ValueError
-            If `rule` is another word.
-
-        Examples
-        --------
-        >>> grid = SparseGrid.from_ijk([[0, 0, 0], [-1, 0, 0], [-2, 1, 1]])
-        >>> grid.coarsened().to_ijk().tolist(), grid.coarsened().voxel_size
-        ([[-1, 0, 0], [0, 0, 0]], 2.0)
-        """
-        as_choice("rule", rule, ("any", "all"))
-        return self._with(cell_runs.coarsen(self._body, rule), {}, linear=read_only(self.linear * 2.0))
 
     def __eq__(self, other: object) -> bool:
         """Same active voxels, values and transform, however they are split into tiles and leaves."""
