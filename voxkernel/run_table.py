@@ -1,4 +1,4 @@
-"""The table of an evaluation: its columns, and parts of it on any fsspec file system."""
+"""The contract between evaluation and report: every column of a run's table, and the run on any fsspec file system."""
 
 from __future__ import annotations
 
@@ -19,32 +19,38 @@ __all__ = [
     "write_part", "write_settings", "write_table_part",
 ]  # fmt: skip
 
-_TEXT = (
-    "file", "label", "status", "reason", "content_hash", "settings_hash", "settings", "versions", "finished",
-    "verdict", "verdict_reason", "reference", "domain", "certificate_kind", "thumbnail", "view",
-)  # fmt: skip
-_INTEGERS = (
-    "cell", "n_vertices", "n_faces", "n_facets", "n_components", "n_boundary_edges", "n_nonmanifold_edges",
-    "n_degenerate", "genus", "dimension",
-)  # fmt: skip
-_BOOLEANS = ("is_closed", "is_oriented", "is_outward", "cut_by_domain", "certificate_verified")
-_LISTS = {"certificate_facets": "int64", "notes": "string", "profile_tolerances": "float64",
-          "profile_shares": "float64", "energies": "float64"}  # fmt: skip
-
-COLUMNS = (
-    "file", "cell", "label", "status", "reason", "verdict", "verdict_reason", "dimension", "ratio", "volume",
-    "volume_lower", "volume_upper", "reference", "reference_volume", "clearance", "domain", "cut_by_domain",
-    "center_x", "center_y", "center_z", "violation_lower", "violation_upper",
-    "star_center_x", "star_center_y", "star_center_z", "profile_tolerances", "profile_shares",
-    "visible_fraction", "visible_lower", "visible_upper", "energies",
-    "inradius", "volume_share", "inradius_over_diameter",
-    "certificate_kind", "certificate_facets", "certificate_verified", "notes",
-    "n_vertices", "n_faces", "n_facets", "n_components", "n_boundary_edges", "n_nonmanifold_edges", "n_degenerate",
-    "genus", "is_closed", "is_oriented", "is_outward", "area", "enclosed_volume", "diagonal",
-    "thumbnail", "view", "seconds", "seconds_read", "seconds_exact", "seconds_relaxed", "seconds_pictures",
-    "finished", "content_hash", "settings_hash", "settings", "versions",
-)  # fmt: skip
-
+# Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
+# null. `cell` is null for a surface; the star centre is where the violation is smallest, the centre where the kernel is
+# deepest. Lengths are in mesh units, shares of the area or of a volume in [0, 1].
+COLUMNS = {
+    # which shape, and what came of it
+    "file": "string", "cell": "int64", "label": "string", "status": "string", "reason": "string",
+    # the kernel
+    "verdict": "string", "verdict_reason": "string", "dimension": "int64", "ratio": "double", "volume": "double",
+    "volume_lower": "double", "volume_upper": "double", "reference": "string", "reference_volume": "double",
+    "clearance": "double", "domain": "string", "cut_by_domain": "bool",
+    "center_x": "double", "center_y": "double", "center_z": "double",
+    # the best point where there is no kernel
+    "violation_lower": "double", "violation_upper": "double",
+    "star_center_x": "double", "star_center_y": "double", "star_center_z": "double",
+    "profile_tolerances": "list<double>", "profile_shares": "list<double>",
+    "visible_fraction": "double", "visible_lower": "double", "visible_upper": "double", "energies": "list<double>",
+    # of cells only
+    "inradius": "double", "volume_share": "double", "inradius_over_diameter": "double",
+    # the proof
+    "certificate_kind": "string", "certificate_facets": "list<int64>", "certificate_verified": "bool",
+    "notes": "list<string>",
+    # the surface
+    "n_vertices": "int64", "n_faces": "int64", "n_facets": "int64", "n_components": "int64",
+    "n_boundary_edges": "int64", "n_nonmanifold_edges": "int64", "n_degenerate": "int64", "genus": "int64",
+    "is_closed": "bool", "is_oriented": "bool", "is_outward": "bool",
+    "area": "double", "enclosed_volume": "double", "diagonal": "double",
+    # pictures, times, and what makes a row the same row
+    "thumbnail": "string", "view": "string",
+    "seconds": "double", "seconds_read": "double", "seconds_exact": "double", "seconds_relaxed": "double",
+    "seconds_pictures": "double", "finished": "string",
+    "content_hash": "string", "settings_hash": "string", "settings": "string", "versions": "string",
+}  # fmt: skip
 
 _UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.tmp")
 # What makes a spreadsheet take a cell for a formula, also behind apostrophes, so that each text has its own cell.
@@ -52,27 +58,22 @@ _FORMULA = re.compile("'*[=+\\-@\t\r\n\0＝＋－＠]")
 
 
 def schema() -> Any:
-    """Give the Arrow schema of the table: text, int64, bool, float64, and lists of those."""
+    """Give the Arrow schema of the table."""
     import pyarrow as pa
 
     def kind(name: str) -> Any:
-        if name in _TEXT:
-            return pa.string()
-        if name in _INTEGERS:
-            return pa.int64()
-        if name in _BOOLEANS:
-            return pa.bool_()
-        if name in _LISTS:
-            return pa.list_(pa.type_for_alias(_LISTS[name]))
-        return pa.float64()
+        inner = name.removeprefix("list<").removesuffix(">")
+        return pa.type_for_alias(name) if inner == name else pa.list_(pa.type_for_alias(inner))
 
-    return pa.schema([pa.field(name, kind(name)) for name in COLUMNS])
+    return pa.schema([pa.field(name, kind(words)) for name, words in COLUMNS.items()])
 
 
 def to_table(rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Make a table of rows; what a row does not have is null."""
+    """Make a table of rows; what a row does not have is null, and nothing but a column may be in it."""
     import pyarrow as pa
 
+    if unknown := {name for row in rows for name in row} - set(COLUMNS):
+        raise ValueError(f"`rows` must have columns of the table only; got {', '.join(sorted(unknown))}")
     return pa.Table.from_pylist([dict(row) for row in rows], schema=schema())
 
 
@@ -180,7 +181,7 @@ def _read_table(pq: Any, fs: Any, name: str) -> Any:
             table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
             for f in wanted
         ]
-        unnamed = columns[COLUMNS.index("file")].null_count
+        unnamed = columns[wanted.get_field_index("file")].null_count
         if unnamed:
             raise ValueError(f"{unnamed} rows that name no file")
     except (pa.ArrowException, OSError, ValueError, MemoryError, RecursionError) as error:
