@@ -1,9 +1,5 @@
 """The octrees, the centre search and the field next to integers: planes a . u <= d / 8 over the unit cube."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -201,45 +197,6 @@ def test_least_violated_stays_in_the_domain():
     )  # fmt: skip
     assert (best, lower) == (UNITS, UNITS)
     assert center[2] < 1 / 8
-
-
-SUMMARY = """
-import sys
-sys.path.insert(0, sys.argv[1])
-import hashlib
-from test_octree_cells import summary
-print(hashlib.sha256(summary()).hexdigest())
-"""
-
-
-def summary():
-    """All bits of the answers on 1,200 planes."""
-    rows = many_planes(1200)
-    normals, offsets = unit_planes(rows)
-    reach, pads, weights = reach_of(normals), np.full(len(rows), 1e-14), np.arange(1, len(rows) + 1)
-    bounds = np.array([weights.sum() // 9, weights.sum() // 4])
-    arrays = [*exact_cells(normals, offsets + 0.3, reach, pads, 6, False)]
-    arrays += run_relaxed(rows, weights, 40, 6, bounds, bounds)
-    arrays += violation_cells(normals, offsets, reach * (1 + 1e-13), weights, 40, bounds[1], 7.0, 5)
-    center, cell = np.full(3, np.nan), np.full(4, np.nan)
-    best = least_violated(
-        normals, offsets, reach, pads, weights, 40, 1e-15, weights.sum(), 9, 0.0, 6, 9999, center, cell
-    )
-    return b"".join(np.asarray(a).tobytes() for a in (*arrays, *best, center, cell))
-
-
-def test_plain_and_wide_passes_agree():
-    """What processors without wide vectors run gives the same bits; it is chosen once, when the core is loaded."""
-    here = Path(__file__).parent
-    paths = os.pathsep.join([str(here.parent), *sys.path])
-    answers = {
-        subprocess.run(
-            [sys.executable, "-c", SUMMARY, str(here)], capture_output=True, text=True, check=True, timeout=600,
-            env={**os.environ, "PYTHONPATH": paths, "VOXKERNEL_AVX2": wide},
-        ).stdout
-        for wide in "01"
-    }  # fmt: skip
-    assert len(answers) == 1
 
 
 def test_arrays_are_not_converted():

@@ -17,7 +17,7 @@ def _one(lines, name):
 
 def ply(data, meaning):
     vertices, _, _, n_facets = meaning
-    head = data[: data.find(b"end_header")].decode("ascii", "replace")
+    head = re.split(rb"[\r\n][ \t]*end_header", data)[0].decode("ascii", "replace")  # a comment may hold that word too
     ends = re.split(r"\r\n|\r|\n" if "\n" not in head else r"\r?\n", head)  # a single \r ends lines in old files only
     lines = [words for words in (line.split() for line in ends) if words]
     unknown = [words[0] for words in lines if words[0] not in PLY_HEADER]

@@ -298,6 +298,8 @@ def test_big_grids_stay_small_and_set_operations_do_not_expand_them(rng):
 
 def test_nan_and_minus_zero_compare_as_values():
     nan = SparseGrid.from_ijk([[0, 0, 0]], values=[np.nan])
+    signalling = SparseGrid.from_ijk([[0, 0, 0]], values=np.array([0x7F800001], np.uint32).view(np.float32))
+    assert np.isnan(signalling.values_at([[0, 0, 0]])).all()
     assert nan == SparseGrid.from_ijk([[0, 0, 0]], values=[np.nan])
     assert SparseGrid.from_ijk([[0, 0, 0]], values=[-0.0]) == SparseGrid.from_ijk([[0, 0, 0]], values=[0.0])
     zeros = np.zeros((1, 512), dtype=np.float32)

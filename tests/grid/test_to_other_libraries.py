@@ -76,6 +76,7 @@ def test_npz_files_of_others_and_damaged_ones_are_refused(tmp_path):
         ({"format": "other", "version": 1}, "got 'other' of version 1"),
         ({"format": "voxkernel-grid", "version": 2, "grids": []}, "version 1; got 'voxkernel-grid' of version 2"),
         ({"format": "voxkernel-grid", "version": 1, "grids": [{}]}, "metadata"),
+        ({"format": "voxkernel-grid", "version": "a\nb", "grids": []}, r"got 'voxkernel-grid' of version 'a\\nb'"),
         ([], "list indices"),
     ):
         np.savez(path, header=np.array(json.dumps(header)))

@@ -11,7 +11,7 @@ import pytest
 import shapes
 
 import voxkernel
-from voxkernel.errors import MeshReadError
+from voxkernel.errors import MeshError, MeshReadError
 from voxkernel.mesh.files import read_polygons
 from voxkernel.mesh.text_rows import parse_rows
 
@@ -142,6 +142,15 @@ def test_damaged_binary_ply(tmp_path, order, count):
         path.write_bytes(wrong)
         with pytest.raises(MeshReadError, match=match):
             read_polygons(path)
+
+
+def test_signalling_nan_in_binary_stl(tmp_path):
+    corners = np.zeros(12, "<u4")
+    corners[5] = 0x7F800001
+    path = tmp_path / "a.stl"
+    path.write_bytes(bytes(80) + struct.pack("<I", 1) + corners.tobytes() + bytes(2))
+    with pytest.raises(MeshError, match=r"a\.stl': `vertices` must be finite; got nan in row 0"):
+        voxkernel.as_mesh(path)
 
 
 def test_counts_beyond_the_file_take_no_memory(tmp_path):

@@ -726,6 +726,8 @@ MEDIT = (
         (HEDRA, "1 0 0\n", "1 nan 0\n", "line 3: 'nan' is not a finite number"),
         (HEDRA, "1 0 0\n", "# a\n\n1 1e999 0\n", "line 5: '1e999' is not a finite number"),
         (HEDRA, "1 0 0\n", "1 1_0 0\n", "line 3: '1_0' is not"),
+        (HEDRA, "3 2 3 4\n", "3 2\x1c 3 4\n", r"line 9: it holds the byte b'\\x1c', which is no text"),
+        (MEDIT, "Vertices\n4\n", "Vertices\n4\x1f\n", r"line 4: it holds the byte b'\\x1f', which is no text"),
         (HEDRA, "1 0 0\n", "1 0 0 0\n", "line 3: a vertex must have 3 coordinates; got 4"),
         (HEDRA, "4 4 1\n", "4 -4 1\n", "line 1: the number of faces must be .*; got '-4'"),
         (HEDRA, "4 4 1\n", "4 4 1e15\n", "line 1: the number of cells must be .*; got '1e15'"),

@@ -100,6 +100,7 @@ BLOCKS = '<DataArray type="Int64" Name="offsets" format="binary">{}</DataArray>'
         (text(n_cells="9" * 30), "NumberOfCells must be a number"),
         (text(n_points="1000000000000000"), "12 coordinates are not those of 1000000000000000 points"),
         (text(points="0 0 0 1 0"), "5 coordinates"),
+        (text(points="0 0 0 1 inf 0 0 1 0 0 0 1"), "point 1 of 4 is not finite: a coordinate is inf"),
         (text(points="0 0 0 1 0 0 0 1 0 0 0 1_0"), "no number"),
         (text(offsets="4 900000000"), r"array 'offsets' must rise from 0 to 8; got \[0, 4, 900000000\]"),
         (text(offsets="-4 8"), "array 'offsets' must rise"),

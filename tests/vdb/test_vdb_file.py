@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from voxkernel.errors import GridReadError, VoxKernelError
 from voxkernel.grid import SparseGrid
 from voxkernel.vdb import file_format, node_values, read_vdb, write_vdb
+from voxkernel.vdb.file_format import pack_map, pack_metadata, pack_text
 
 seeds = st.integers(0, 2**32)
 
@@ -470,3 +471,38 @@ def test_wrong_arguments_are_named(tmp_path):
     with pytest.raises(ValueError, match="`compression` must be one of"):
         write_vdb(path, grid, compression="lz4")
     assert not path.exists()
+
+
+def test_grids_that_share_a_tree_share_its_arrays(tmp_path):
+    """A thousand instances of one tree in a small file must not be a thousand trees in memory."""
+    path = tmp_path / "a.vdb"
+    ijk = np.argwhere(np.ones((24, 24, 24), dtype=bool))
+    first = SparseGrid.from_ijk(ijk, values=np.arange(len(ijk), dtype=np.float32), name="a")
+    write_vdb(path, first, compression="none")
+    raw = path.read_bytes()
+    at = raw.index(struct.pack("<iI", 1, 1) + b"a")
+    size = struct.unpack("<I", raw[at + 9 : at + 13])[0]
+    kind = raw[at + 13 : at + 13 + size].decode()
+    matrix = np.diag([2.0, 2.0, 2.0, 1.0])
+    body = struct.pack("<I", 1) + pack_metadata({"class": "fog volume", "k": 7}) + pack_map(matrix)
+    out = bytearray(raw[:at] + struct.pack("<i", 1001) + raw[at + 4 :])
+    for i in range(1000):
+        head = pack_text(f"b{i}") + pack_text(kind) + pack_text("a")
+        start = len(out) + len(head) + 24
+        out += head + struct.pack("<qqq", start, start + len(body), start + len(body)) + body
+    path.write_bytes(out)
+    file = read_vdb(path)
+    assert file.names == ("a", *(f"b{i}" for i in range(1000)))
+    assert file[0] == first
+    for grid in file:
+        assert np.shares_memory(grid.leaf_values, file[0].leaf_values)
+        assert np.shares_memory(grid.leaf_mask, file[0].leaf_mask)
+    last = file[1000]
+    assert last.grid_class == "fog volume"
+    assert last.metadata["k"] == 7
+    assert (last.linear == 2 * np.eye(3)).all()
+    assert (last.values_at(ijk) == first.values_at(ijk)).all()
+    last_head = pack_text("b999") + pack_text(kind)
+    path.write_bytes(bytes(out).replace(last_head + pack_text("a"), last_head + pack_text("c")))
+    with pytest.raises(GridReadError, match="grid 'b999' must share the tree of a grid before it; got 'c'"):
+        read_vdb(path)

@@ -13,6 +13,13 @@
 #include "spans.h"
 #endif
 
+// For what is compiled twice, plain and for wider vectors: it must become a part of both functions.
+#if defined(__GNUC__)
+#define VOXKERNEL_ALWAYS_INLINE __attribute__((always_inline)) inline
+#else
+#define VOXKERNEL_ALWAYS_INLINE inline
+#endif
+
 namespace voxkernel {
 
 // Whether this processor has them; VOXKERNEL_AVX2=0 in the environment says no, for tests of the plain passes.
@@ -60,6 +67,25 @@ VOXKERNEL_AVX2_INLINE Index sum(__m256i values) {
   alignas(32) Index lanes[4];
   _mm256_store_si256(reinterpret_cast<__m256i*>(lanes), values);
   return lanes[0] + lanes[1] + lanes[2] + lanes[3];
+}
+// The coordinates of four rows (x, y, z) that follow each other, a column each.
+struct Columns {
+  __m256d x, y, z;
+};
+VOXKERNEL_AVX2_INLINE Columns columns_of_four(const double* rows) {
+  const __m256d a = _mm256_loadu_pd(rows), b = _mm256_loadu_pd(rows + 4), c = _mm256_loadu_pd(rows + 8);
+  const __m256d xy = _mm256_blend_pd(a, b, 0b1100);       // x0 y0 x2 y2
+  const __m256d zx = _mm256_permute2f128_pd(a, c, 0x21);  // z0 x1 z2 x3
+  const __m256d yz = _mm256_blend_pd(b, c, 0b1100);       // y1 z1 y3 z3
+  return {_mm256_shuffle_pd(xy, zx, 0b1010), _mm256_shuffle_pd(xy, yz, 0b0101), _mm256_shuffle_pd(zx, yz, 0b1010)};
+}
+VOXKERNEL_AVX2_INLINE void store_rows_of_four(double* rows, const Columns& columns) {
+  const __m256d xy = _mm256_unpacklo_pd(columns.x, columns.y);         // x0 y0 x2 y2
+  const __m256d zx = _mm256_shuffle_pd(columns.z, columns.x, 0b1010);  // z0 x1 z2 x3
+  const __m256d yz = _mm256_unpackhi_pd(columns.y, columns.z);         // y1 z1 y3 z3
+  _mm256_storeu_pd(rows, _mm256_permute2f128_pd(xy, zx, 0x20));
+  _mm256_storeu_pd(rows + 4, _mm256_blend_pd(yz, xy, 0b1100));
+  _mm256_storeu_pd(rows + 8, _mm256_permute2f128_pd(zx, yz, 0x31));
 }
 VOXKERNEL_AVX2_INLINE __m256d negative(__m256d values) { return _mm256_xor_pd(values, _mm256_set1_pd(-0.0)); }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "avx2.h"
+
 namespace voxkernel {
 namespace {
 
@@ -163,12 +165,6 @@ int bin_of(const double* n) {
 
 double length(const double* p) { return std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]); }
 
-#if defined(__GNUC__)
-#define VOXKERNEL_INLINE inline __attribute__((always_inline))
-#else
-#define VOXKERNEL_INLINE inline
-#endif
-
 // How far a point is inside some planes, less what that may be wrong by.
 struct Margins {
   const double* normals;
@@ -176,31 +172,45 @@ struct Margins {
   const double* errors;
   double x, y, z, size, slack_error;
 
-  VOXKERNEL_INLINE void fill(Index count, double* __restrict margins) const {
-    const double* __restrict n = normals;
-    const double* __restrict d = offsets;
-    const double* __restrict e = errors;
-    for (Index i = 0; i < count; ++i) {
-      const double slack = d[i] - (n[3 * i] * x + n[3 * i + 1] * y + n[3 * i + 2] * z);
-      margins[i] = slack - (e[i] * size + slack_error);
-    }
+  double operator()(Index i) const {
+    const double* n = normals + 3 * i;
+    const double slack = offsets[i] - (n[0] * x + n[1] * y + n[2] * z);
+    return slack - (errors[i] * size + slack_error);
   }
 };
 
-#if defined(__x86_64__) && defined(__GNUC__)
-// The same operations on wider registers, so the same results.
-__attribute__((target("avx2"))) void fill_wide(const Margins& planes, Index count, double* margins) {
-  planes.fill(count, margins);
-}
-void fill_margins(const Margins& planes, Index count, double* margins) {
-  if (__builtin_cpu_supports("avx2")) {
-    fill_wide(planes, count, margins);
-  } else {
-    planes.fill(count, margins);
+// Appends the planes of [first, last) that the point is not certainly inside. The sign of a rounded difference is
+// exact.
+void list_undecided(const Margins& margins, Index first, Index last, std::vector<Index>& undecided) {
+  for (Index i = first; i < last; ++i) {
+    if (is_rare(margins(i) <= 0.0)) undecided.push_back(i);
   }
 }
-#else
-void fill_margins(const Margins& planes, Index count, double* margins) { planes.fill(count, margins); }
+
+#ifdef VOXKERNEL_HAS_AVX2
+
+// The same operations on four planes at a time, so the same results.
+VOXKERNEL_AVX2 void list_undecided_avx2(const Margins& margins, Index first, Index last,
+                                        std::vector<Index>& undecided) {
+  const __m256d x = _mm256_set1_pd(margins.x), y = _mm256_set1_pd(margins.y), z = _mm256_set1_pd(margins.z);
+  const __m256d size = _mm256_set1_pd(margins.size), slack_error = _mm256_set1_pd(margins.slack_error);
+  for (; first + 4 <= last; first += 4) {
+    const double* n = margins.normals + 3 * first;
+    const Columns normals = columns_of_four(n);
+    const __m256d along = _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(normals.x, x), _mm256_mul_pd(normals.y, y)),
+                                        _mm256_mul_pd(normals.z, z));
+    const __m256d slack = _mm256_sub_pd(_mm256_loadu_pd(margins.offsets + first), along);
+    const __m256d error = _mm256_add_pd(_mm256_mul_pd(_mm256_loadu_pd(margins.errors + first), size), slack_error);
+    const __m256d margin = _mm256_sub_pd(slack, error);
+    const int listed = _mm256_movemask_pd(_mm256_cmp_pd(margin, _mm256_setzero_pd(), _CMP_LE_OQ));
+    if (!is_rare(listed != 0)) continue;
+    for (int k = 0; k < 4; ++k) {
+      if ((listed >> k & 1) != 0) undecided.push_back(first + k);
+    }
+  }
+  list_undecided(margins, first, last, undecided);
+}
+
 #endif
 
 // Calls `visit(i)` for every i < n; asks to stop between blocks only, as counting every step would take longer than a
@@ -287,25 +297,20 @@ Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, 
 // `slack_error` is a bound on the distance between `point` and the exact point meant.
 std::vector<Index> plane_signs(Points normals, Doubles offsets, Doubles errors, const double* point, double slack_error,
                                Stop& stop) {
-  constexpr Index block = 512;
-  double margins[block];
+  const Margins margins{normals.data(), offsets.data(), errors.data(),       point[0],
+                        point[1],       point[2],       length(point) + 1.0, slack_error};
+  constexpr Index block = 4096;
   std::vector<Index> undecided;
   for (Index first = 0; first < offsets.size(); first += block) {
-    const Index count = std::min(block, offsets.size() - first);
-    stop.poll(count);
-    const Margins planes{normals.data() + 3 * first,
-                         offsets.data() + first,
-                         errors.data() + first,
-                         point[0],
-                         point[1],
-                         point[2],
-                         length(point) + 1.0,
-                         slack_error};
-    fill_margins(planes, count, margins);
-    // The sign of a rounded difference is exact.
-    for (Index i = 0; i < count; ++i) {
-      if (is_rare(margins[i] <= 0.0)) undecided.push_back(first + i);
+    const Index last = std::min(first + block, offsets.size());
+    stop.poll(last - first);
+#ifdef VOXKERNEL_HAS_AVX2
+    if (has_avx2) {
+      list_undecided_avx2(margins, first, last, undecided);
+      continue;
     }
+#endif
+    list_undecided(margins, first, last, undecided);
   }
   return undecided;
 }

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "avx2.h"
+
 namespace voxkernel {
 namespace {
 
@@ -13,7 +15,147 @@ constexpr double kMaxSlenderness = 1e6;
 // Up to this multiple, the first corner will do as the apex.
 constexpr double kRoundEnough = 4.0;
 
+// Below this product of squared lengths the arithmetic underflows.
+constexpr double kTiny = 1e-270;
+
 bool equal(const double* a, const double* b) { return a[0] == b[0] && a[1] == b[1] && a[2] == b[2]; }
+
+// Where the corners and what is computed from them lie.
+struct Facets {
+  Points vertices;
+  Triangles corners;
+  const double* origin;
+  double inverse_scale;
+  Rows<double, 3> normals;
+  Span<double> offsets, areas, errors;
+
+  bool fill(Index i) const;
+  void refuse(Index i, bool is_edge) const;
+};
+
+void Facets::refuse(Index i, bool is_edge) const {
+  std::fill_n(normals[i], 3, 0.0);
+  offsets[i] = 0.0;
+  areas[i] = 0.0;
+  errors[i] = is_edge ? -2.0 : -1.0;
+}
+
+// One plane; returns whether it is left undecided.
+bool Facets::fill(Index i) const {
+  const double* a = vertices[corners(i, 0)];
+  const double* b = vertices[corners(i, 1)];
+  const double* c = vertices[corners(i, 2)];
+  // The edges c to a and a to b: a is the apex unless its angle is small or wide.
+  double ux = (a[0] - c[0]) * inverse_scale, uy = (a[1] - c[1]) * inverse_scale, uz = (a[2] - c[2]) * inverse_scale;
+  double vx = (b[0] - a[0]) * inverse_scale, vy = (b[1] - a[1]) * inverse_scale, vz = (b[2] - a[2]) * inverse_scale;
+  const double* apex = a;
+  double nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+  double square = nx * nx + ny * ny + nz * nz;
+  const double ca = ux * ux + uy * uy + uz * uz;
+  const double ab = vx * vx + vy * vy + vz * vz;
+  double product = ca * ab;
+  double error = (20.0 * kRoundEnough + 8.0) * kUnitRoundoff;
+  if (product < kTiny || square * (kRoundEnough * kRoundEnough) < product) {
+    const double qx = (c[0] - b[0]) * inverse_scale, qy = (c[1] - b[1]) * inverse_scale,
+                 qz = (c[2] - b[2]) * inverse_scale;
+    const double bc = qx * qx + qy * qy + qz * qz;
+    if (ab >= bc && ab >= ca) {  // c is the apex
+      product = bc * ca;
+      vx = ux, vy = uy, vz = uz;
+      ux = qx, uy = qy, uz = qz;
+      apex = c;
+    } else if (ca >= bc) {  // b is the apex
+      product = ab * bc;
+      ux = vx, uy = vy, uz = vz;
+      vx = qx, vy = qy, vz = qz;
+      apex = b;
+    }
+    nx = uy * vz - uz * vy;
+    ny = uz * vx - ux * vz;
+    nz = ux * vy - uy * vx;
+    square = nx * nx + ny * ny + nz * nz;
+    if (square > 0.0) error = (20.0 * std::sqrt(product / square) + 8.0) * kUnitRoundoff;
+  }
+  if (product < kTiny || !(square * (kMaxSlenderness * kMaxSlenderness) > product)) {
+    const bool is_edge = equal(a, b) || equal(a, c) || equal(b, c);
+    refuse(i, is_edge);
+    return !is_edge;
+  }
+  const double length = std::sqrt(square);
+  const double inverse = 1.0 / length;
+  nx *= inverse;
+  ny *= inverse;
+  nz *= inverse;
+  normals(i, 0) = nx;
+  normals(i, 1) = ny;
+  normals(i, 2) = nz;
+  offsets[i] = nx * ((apex[0] - origin[0]) * inverse_scale) + ny * ((apex[1] - origin[1]) * inverse_scale) +
+               nz * ((apex[2] - origin[2]) * inverse_scale);
+  areas[i] = 0.5 * length;
+  errors[i] = error;
+  return false;
+}
+
+#ifdef VOXKERNEL_HAS_AVX2
+
+VOXKERNEL_AVX2_INLINE Columns difference(const Columns& p, const Columns& q, __m256d factor) {
+  return {_mm256_mul_pd(_mm256_sub_pd(p.x, q.x), factor), _mm256_mul_pd(_mm256_sub_pd(p.y, q.y), factor),
+          _mm256_mul_pd(_mm256_sub_pd(p.z, q.z), factor)};
+}
+VOXKERNEL_AVX2_INLINE __m256d minor(__m256d a, __m256d b, __m256d c, __m256d d) {
+  return _mm256_sub_pd(_mm256_mul_pd(a, b), _mm256_mul_pd(c, d));
+}
+VOXKERNEL_AVX2_INLINE __m256d dot(const Columns& p, const Columns& q) {
+  return _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(p.x, q.x), _mm256_mul_pd(p.y, q.y)), _mm256_mul_pd(p.z, q.z));
+}
+VOXKERNEL_AVX2_INLINE Columns gather(Points vertices, const Index* first) {
+  const double *p = vertices[first[0]], *q = vertices[first[3]], *r = vertices[first[6]], *s = vertices[first[9]];
+  return {_mm256_set_pd(s[0], r[0], q[0], p[0]), _mm256_set_pd(s[1], r[1], q[1], p[1]),
+          _mm256_set_pd(s[2], r[2], q[2], p[2])};
+}
+
+// Four planes by the same operations, so with the same results, if the first corner will do as the apex of all.
+VOXKERNEL_AVX2_INLINE bool fill_four(const Facets& f, Index i) {
+  const Index* ids = f.corners[i];
+  const Columns a = gather(f.vertices, ids), b = gather(f.vertices, ids + 1), c = gather(f.vertices, ids + 2);
+  const __m256d scale = _mm256_set1_pd(f.inverse_scale);
+  const Columns u = difference(a, c, scale), v = difference(b, a, scale);
+  Columns n{minor(u.y, v.z, u.z, v.y), minor(u.z, v.x, u.x, v.z), minor(u.x, v.y, u.y, v.x)};
+  const __m256d square = dot(n, n), product = _mm256_mul_pd(dot(u, u), dot(v, v));
+  const __m256d is_slender =
+      _mm256_cmp_pd(_mm256_mul_pd(square, _mm256_set1_pd(kRoundEnough * kRoundEnough)), product, _CMP_NGE_UQ);
+  const __m256d is_tiny = _mm256_cmp_pd(product, _mm256_set1_pd(kTiny), _CMP_NGE_UQ);
+  if (_mm256_movemask_pd(_mm256_or_pd(is_slender, is_tiny)) != 0) return false;
+  const __m256d length = _mm256_sqrt_pd(square), inverse = _mm256_div_pd(_mm256_set1_pd(1.0), length);
+  n = {_mm256_mul_pd(n.x, inverse), _mm256_mul_pd(n.y, inverse), _mm256_mul_pd(n.z, inverse)};
+  const Columns origin{_mm256_set1_pd(f.origin[0]), _mm256_set1_pd(f.origin[1]), _mm256_set1_pd(f.origin[2])};
+  store_rows_of_four(f.normals[i], n);
+  _mm256_storeu_pd(f.offsets.data() + i, dot(n, difference(a, origin, scale)));
+  _mm256_storeu_pd(f.areas.data() + i, _mm256_mul_pd(_mm256_set1_pd(0.5), length));
+  _mm256_storeu_pd(f.errors.data() + i, _mm256_set1_pd((20.0 * kRoundEnough + 8.0) * kUnitRoundoff));
+  return true;
+}
+
+VOXKERNEL_AVX2 Index fill_planes_avx2(const Facets& facets, Index first, Index last) {
+  Index undecided = 0;
+  for (; first + 4 <= last; first += 4) {
+    if (fill_four(facets, first)) continue;
+    for (Index i = first; i < first + 4; ++i) undecided += Index{facets.fill(i)};
+  }
+  for (; first < last; ++first) undecided += Index{facets.fill(first)};
+  return undecided;
+}
+
+#endif
+
+Index fill_planes(const Facets& facets, Index first, Index last) {
+#ifdef VOXKERNEL_HAS_AVX2
+  if (has_avx2) return fill_planes_avx2(facets, first, last);
+#endif
+  Index undecided = 0;
+  for (Index i = first; i < last; ++i) undecided += Index{facets.fill(i)};
+  return undecided;
+}
 
 }  // namespace
 
@@ -27,65 +169,13 @@ bool equal(const double* a, const double* b) { return a[0] == b[0] && a[1] == b[
 // over |e1 x e2|; the dot products add less than 8 u (|x| + 1).
 Index facet_planes(Points vertices, Triangles corners, const double* origin, double inverse_scale,
                    Rows<double, 3> normals, Span<double> offsets, Span<double> areas, Span<double> errors, Stop& stop) {
+  const Facets facets{vertices, corners, origin, inverse_scale, normals, offsets, areas, errors};
+  constexpr Index stretch = 1 << 10;
   Index undecided = 0;
-  const double ox = origin[0], oy = origin[1], oz = origin[2];
-  for (Index i = 0; i < corners.size(); ++i) {
-    stop.poll();
-    const double* a = vertices[corners(i, 0)];
-    const double* b = vertices[corners(i, 1)];
-    const double* c = vertices[corners(i, 2)];
-    // The edges c to a and a to b: a is the apex unless its angle is small or wide.
-    double ux = (a[0] - c[0]) * inverse_scale, uy = (a[1] - c[1]) * inverse_scale, uz = (a[2] - c[2]) * inverse_scale;
-    double vx = (b[0] - a[0]) * inverse_scale, vy = (b[1] - a[1]) * inverse_scale, vz = (b[2] - a[2]) * inverse_scale;
-    const double* apex = a;
-    double nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
-    double square = nx * nx + ny * ny + nz * nz;
-    const double ca = ux * ux + uy * uy + uz * uz;
-    const double ab = vx * vx + vy * vy + vz * vz;
-    double product = ca * ab;
-    double error = (20.0 * kRoundEnough + 8.0) * kUnitRoundoff;
-    if (product < 1e-270 || square * (kRoundEnough * kRoundEnough) < product) {
-      const double qx = (c[0] - b[0]) * inverse_scale, qy = (c[1] - b[1]) * inverse_scale,
-                   qz = (c[2] - b[2]) * inverse_scale;
-      const double bc = qx * qx + qy * qy + qz * qz;
-      if (ab >= bc && ab >= ca) {  // c is the apex
-        product = bc * ca;
-        vx = ux, vy = uy, vz = uz;
-        ux = qx, uy = qy, uz = qz;
-        apex = c;
-      } else if (ca >= bc) {  // b is the apex
-        product = ab * bc;
-        ux = vx, uy = vy, uz = vz;
-        vx = qx, vy = qy, vz = qz;
-        apex = b;
-      }
-      nx = uy * vz - uz * vy;
-      ny = uz * vx - ux * vz;
-      nz = ux * vy - uy * vx;
-      square = nx * nx + ny * ny + nz * nz;
-      if (square > 0.0) error = (20.0 * std::sqrt(product / square) + 8.0) * kUnitRoundoff;
-    }
-    if (product < 1e-270 || !(square * (kMaxSlenderness * kMaxSlenderness) > product)) {
-      std::fill_n(normals[i], 3, 0.0);
-      offsets[i] = 0.0;
-      areas[i] = 0.0;
-      const bool is_edge = equal(a, b) || equal(a, c) || equal(b, c);
-      errors[i] = is_edge ? -2.0 : -1.0;
-      undecided += !is_edge;
-      continue;
-    }
-    const double length = std::sqrt(square);
-    const double inverse = 1.0 / length;
-    nx *= inverse;
-    ny *= inverse;
-    nz *= inverse;
-    normals(i, 0) = nx;
-    normals(i, 1) = ny;
-    normals(i, 2) = nz;
-    offsets[i] = nx * ((apex[0] - ox) * inverse_scale) + ny * ((apex[1] - oy) * inverse_scale) +
-                 nz * ((apex[2] - oz) * inverse_scale);
-    areas[i] = 0.5 * length;
-    errors[i] = error;
+  for (Index first = 0; first < corners.size(); first += stretch) {
+    const Index last = std::min(corners.size(), first + stretch);
+    undecided += fill_planes(facets, first, last);
+    stop.poll(last - first);
   }
   return undecided;
 }

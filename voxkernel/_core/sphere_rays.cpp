@@ -22,21 +22,23 @@ Triangle triangle_of(Points corners, Triangles faces, Index i) {
   return {vector(corners[faces(i, 0)]), vector(corners[faces(i, 1)]), vector(corners[faces(i, 2)])};
 }
 
-// The edge a ray lies beyond most, and the sine of how far it is on the inner side of it.
+// The edge a ray lies beyond most, and the sine of how far it is on the inner side of it; edge -1 where it is on the
+// inner side of all three, and then the sine is not computed but said to be 0.
 struct Beyond {
   double low = kInfinity;
   int edge = -1;
 };
 
 Beyond farthest_edge(const Triangle& t, Vector ray) {
+  const Vector normals[3] = {cross(t.a, t.b), cross(t.b, t.c), cross(t.c, t.a)};
   // On which side of the plane through the centre and an edge the third corner lies gives the turn of all three.
-  const double turn = dot(t.c, cross(t.a, t.b)) >= 0.0 ? 1.0 : -1.0;
-  const Vector tails[3] = {t.a, t.b, t.c}, heads[3] = {t.b, t.c, t.a};
+  const double turn = dot(t.c, normals[0]) >= 0.0 ? 1.0 : -1.0;
+  const double sides[3] = {turn * dot(ray, normals[0]), turn * dot(ray, normals[1]), turn * dot(ray, normals[2])};
+  if (sides[0] >= 0.0 && sides[1] >= 0.0 && sides[2] >= 0.0) return {0.0, -1};
   Beyond found;
   for (int k = 0; k < 3; ++k) {
-    const Vector normal = cross(tails[k], heads[k]);
-    const double size = length(normal);
-    const double side = size > 0.0 ? turn * dot(ray, normal) / size : 0.0;
+    const double size = length(normals[k]);
+    const double side = size > 0.0 ? sides[k] / size : 0.0;
     if (side < found.low) found = {side, k};
   }
   return found;

@@ -272,9 +272,10 @@ def canonical(body: Body) -> Canonical:
     solid = (body.leaf_mask == FULL).all(axis=1)
     run_values: NDArray[np.float32] | None = None
     if body.leaf_values is not None and body.tile_values is not None:
-        bits = (body.leaf_values + np.float32(0)).view(np.int32)  # adding 0 turns -0 into 0
-        solid &= (bits == bits[:, :1]).all(axis=1)
-        run_values = np.concatenate([body.tile_values, body.leaf_values[solid, 0]]) + np.float32(0)
+        with np.errstate(invalid="ignore"):  # signalling NaN
+            bits = (body.leaf_values + np.float32(0)).view(np.int32)  # adding 0 turns -0 into 0
+            solid &= (bits == bits[:, :1]).all(axis=1)
+            run_values = np.concatenate([body.tile_values, body.leaf_values[solid, 0]]) + np.float32(0)
     code = np.concatenate([body.tile_code, body.leaf_code[solid]])
     last = np.concatenate([last_of(body.tile_code, body.tile_log2 - 3), body.leaf_code[solid]])
     order = np.argsort(code, kind="stable")

@@ -121,7 +121,7 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[SparseGrid, ...]:
             if header["format"] != _FORMAT or header["version"] != _VERSION:
                 raise GridReadError(
                     f"{path}: `path` must be a {_FORMAT} file of version {_VERSION}; "
-                    f"got {str(header['format'])[:40]!r} of version {str(header['version'])[:40]}"
+                    f"got {str(header['format'])[:40]!r} of version {header['version']!r:.40}"
                 )
             return tuple(_grid_from(arrays, n, facts) for n, facts in enumerate(header["grids"]))
     except GridReadError:

@@ -11,7 +11,7 @@ Conventions, said once for the whole library:
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, Self, cast
 
 import numpy as np
@@ -212,6 +212,14 @@ class SparseGrid:
         _set(grid, "inactive_log2", frozen(np.zeros(0, dtype=np.int8)))
         _set(grid, "inactive_values", frozen(np.zeros(0, dtype=np.float32)))
         grid._adopt(body)
+        return grid
+
+    def _reframed(self, **frame: Any) -> Self:
+        """The same voxels, sharing every array, in another frame or under other labels, which are checked."""
+        grid = object.__new__(type(self))
+        for part in fields(self):
+            _set(grid, part.name, frame.pop(part.name) if part.name in frame else getattr(self, part.name))
+        grid._check_frame()
         return grid
 
     # -- what is in it -----------------------------------------------------------------------------

@@ -25,7 +25,8 @@ def parse_stl(data: bytes) -> Polygons:
         n = int.from_bytes(data[80:84], "little")
         if len(data) == 84 + 50 * n:
             layout = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-            return _soup(np.frombuffer(data, dtype=layout, count=n, offset=84)["corners"].astype(np.float64))
+            with np.errstate(invalid="ignore"):  # a NaN may be a signalling one; none is accepted
+                return _soup(np.frombuffer(data, dtype=layout, count=n, offset=84)["corners"].astype(np.float64))
     if not data.lstrip()[:5].lower() == b"solid":
         raise ValueError("neither a text file that starts with 'solid' nor a binary one of the right length")
     words: list[bytes] = []

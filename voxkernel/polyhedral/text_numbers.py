@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,9 +11,15 @@ from numpy.typing import NDArray
 
 __all__ = ["as_count", "as_numbers", "as_whole", "split_lines"]
 
+_CONTROL = re.compile("[\0-\x08\x0e-\x1f\x7f]")
+
 
 def split_lines(text: str) -> list[list[str]]:
-    """The words of every line without its comment, lines counted as editors count them."""
+    """The words of every line without its comment, lines counted as editors count them; no control characters."""
+    control = _CONTROL.search(text)  # of some of them Python says that they part words
+    if control is not None:
+        line = 1 + text.count("\n", 0, control.start())
+        raise ValueError(f"line {line}: it holds the byte {control[0].encode()}, which is no text")
     return [line.partition("#")[0].split() for line in text.split("\n")]
 
 

@@ -246,9 +246,13 @@ def _piece(piece: Element, source: _Source) -> VtuPiece:
         raise ValueError(f"a Piece must have one array of Points; got {len(arrays)}")
     if arrays[0].get("NumberOfComponents", "3") != "3":
         raise ValueError(f"the points have {arrays[0].get('NumberOfComponents')} coordinates, not 3")
-    points = source.read(arrays[0]).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
+        points = source.read(arrays[0]).astype(np.float64)
     if len(points) != 3 * n_points:
         raise ValueError(f"{len(points)} coordinates are not those of {n_points} points")
+    wrong = np.flatnonzero(~np.isfinite(points))
+    if len(wrong):
+        raise ValueError(f"point {wrong[0] // 3} of {n_points} is not finite: a coordinate is {points[wrong[0]]}")
     found: dict[str, NDArray[np.int64]] = {}
     for array in piece.findall("Cells/DataArray"):
         name = array.get("Name", "?")

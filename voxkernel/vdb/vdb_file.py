@@ -8,6 +8,7 @@ import struct
 import uuid
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -217,7 +218,7 @@ def _read(source: Source) -> VdbFile:
     source.need(n_grids * 40, f"{n_grids} grids")
     grids: list[tuple[SparseGrid, str, dict[str, Any]]] = []
     skipped: list[str] = []
-    trees: dict[str, tuple[Tree, str]] = {}
+    trees: dict[str, tuple[SparseGrid, str]] = {}
     for _ in range(n_grids):
         try:
             grids.append(_read_grid(source, has_offsets, trees))
@@ -238,7 +239,7 @@ def _read(source: Source) -> VdbFile:
 
 
 def _read_grid(
-    source: Source, has_offsets: bool, trees: dict[str, tuple[Tree, str]]
+    source: Source, has_offsets: bool, trees: dict[str, tuple[SparseGrid, str]]
 ) -> tuple[SparseGrid, str, dict[str, Any]]:
     """One grid, its type and its metadata; leaves the source at the grid's end, also when the grid is not supported."""
     unique_name, tree_name = source.text("the name of a grid"), source.text("the type of a grid")
@@ -269,15 +270,28 @@ def _read_grid(
     if parent:
         if parent not in trees:
             raise GridReadError(f"grid {name!r} must share the tree of a grid before it; got {parent!r}")
-        tree, kind = trees[parent]
-    else:
-        tree = read_tree(body, kind, flags, block_at if has_offsets else 0)
-        trees[unique_name] = tree, kind
-    return _grid_from(tree, matrix, name, entries), kind, entries
+        # Thousands of grids may share one tree: its arrays are shared as well.
+        first, kind = trees[parent]
+        with _damage(name):
+            return first._reframed(**_frame_of(matrix, name, entries)), kind, entries
+    tree = read_tree(body, kind, flags, block_at if has_offsets else 0)
+    with _damage(name):
+        grid = _grid_from(tree, _frame_of(matrix, name, entries))
+    trees[unique_name] = grid, kind
+    return grid, kind, entries
 
 
-def _grid_from(tree: Tree, matrix: NDArray[np.float64], name: str, entries: dict[str, Any]) -> SparseGrid:
-    """A grid from a tree that was read; what is wrong with its cells or transform is the file's fault."""
+@contextmanager
+def _damage(name: str) -> Iterator[None]:
+    """What is wrong with the cells or the transform of a grid is the file's fault."""
+    try:
+        yield
+    except ValueError as error:
+        raise GridReadError(f"grid {name!r} is damaged: {error}") from error
+
+
+def _frame_of(matrix: NDArray[np.float64], name: str, entries: dict[str, Any]) -> dict[str, Any]:
+    """Where a grid is and what it is called."""
     linear = np.ascontiguousarray(matrix[:3, :3])
     origin = matrix[:3, 3] - linear @ np.full(3, 0.5)
     exact = np.asarray(entries.get(_ORIGIN, origin))
@@ -285,15 +299,19 @@ def _grid_from(tree: Tree, matrix: NDArray[np.float64], name: str, entries: dict
         origin = exact
     label = entries.get("class", "unknown")
     given_name = entries.get("name", name)
-    active = tree.tile_is_on
-    inactive = ~active
-    frame: dict[str, Any] = {
+    return {
         "origin": origin,
         "linear": linear,
         "name": given_name if isinstance(given_name, str) else name,
         "grid_class": label if label in GRID_CLASSES else "unknown",
         "metadata": {key: value for key, value in entries.items() if key not in _DERIVED},
     }
+
+
+def _grid_from(tree: Tree, frame: dict[str, Any]) -> SparseGrid:
+    """A grid from a tree that was read."""
+    active = tree.tile_is_on
+    inactive = ~active
     values: dict[str, Any] = {}
     if not tree.is_mask:
         values = {
@@ -304,17 +322,14 @@ def _grid_from(tree: Tree, matrix: NDArray[np.float64], name: str, entries: dict
             "inactive_log2": tree.tile_log2[inactive],
             "inactive_values": tree.tile_values[inactive].astype(np.float32),
         }
-    try:
-        return SparseGrid(
-            cast(Any, tree.tile_ijk[active]),
-            tree.tile_log2[active],
-            cast(Any, tree.leaf_ijk),
-            tree.leaf_mask,
-            **values,
-            **frame,
-        )
-    except ValueError as error:
-        raise GridReadError(f"grid {name!r} is damaged: {error}") from error
+    return SparseGrid(
+        cast(Any, tree.tile_ijk[active]),
+        tree.tile_log2[active],
+        cast(Any, tree.leaf_ijk),
+        tree.leaf_mask,
+        **values,
+        **frame,
+    )
 
 
 # -- writing ---------------------------------------------------------------------------------------
