@@ -37,7 +37,6 @@ def rough():
     voxkernel.voxel_kernel(mesh, depth=4, tolerance=0.2, domain="ball", threads=2)
     voxkernel.defect_profile(mesh, depth=3, domain="ball")
     voxkernel.violation_grid(mesh, depth=3, tolerance=0.2, domain="ball")
-    voxkernel.best_center(mesh, gap=0.1, domain="ball")
     voxkernel.violation(mesh, [[0.0, 0.0, 0.0]])
     return mesh
 
@@ -70,7 +69,6 @@ CALLS = {
     "defect_profile": lambda mesh: voxkernel.defect_profile(mesh, depth=12, domain="ball"),
     "defect_profile, two threads": lambda mesh: voxkernel.defect_profile(mesh, depth=12, domain="ball", threads=2),
     "violation_grid": lambda mesh: voxkernel.violation_grid(mesh, depth=9, tolerance=0.6, domain="ball"),
-    "best_center": lambda mesh: voxkernel.best_center(mesh, gap=1e-15, domain="ball"),
     "violation": lambda mesh: voxkernel.violation(mesh, 0.9 * np.random.default_rng(0).normal(size=(1_000_000, 3))),
     "violation, two threads": lambda mesh: voxkernel.violation(
         mesh, 0.9 * np.random.default_rng(0).normal(size=(1_000_000, 3)), threads=2
@@ -81,6 +79,17 @@ CALLS = {
 @pytest.mark.parametrize("name", CALLS)
 def test_calls(rough, name):
     assert_interrupted(lambda: CALLS[name](rough))
+
+
+def test_best_center():
+    """Spheres apart from each other: no point is much better than others, so that nothing is left out early."""
+    rng = np.random.default_rng(0)
+    vertices, faces = shapes.icosphere(5)
+    balls = [vertices * (1.0 + 0.05 * rng.normal(size=(len(vertices), 1))) + 4.0 * rng.normal(size=3) for _ in range(20)]
+    mesh = voxkernel.as_mesh((np.concatenate(balls), np.concatenate([faces + i * len(vertices) for i in range(20)])))
+    planes = HalfSpaces.from_mesh(mesh)
+    voxkernel.best_center(planes, gap=0.9, domain=_ball(planes))
+    assert_interrupted(lambda: voxkernel.best_center(planes, gap=1e-15, domain=_ball(planes)))
 
 
 @pytest.mark.parametrize("how", KILLS)
