@@ -38,7 +38,7 @@ MOST_LINES = 500
 
 HEAVY = {
     "open3d", "pymeshlab", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
-    "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package",
+    "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package", "asyncio",
 }  # fmt: skip
 ONLY_IN = {"open3d": "_open3d"}
 

@@ -112,6 +112,32 @@ def test_interrupted_client(tmp_path, undisturbed, script, number, to_group):
     resumes(folder, run, expected, kept)
 
 
+# Ctrl-C while the client waits for a result that Dask is fetching, which keeps the loop busy until it has gone on.
+WHILE_FETCHING = """
+import atexit, gc, signal, threading, time
+from distributed import Client
+fetch = Client._gather
+async def fetch_interrupted(self, *args, **options):
+    time.sleep(0.1)
+    signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+    time.sleep(0.3)
+    return await fetch(self, *args, **options)
+Client._gather = fetch_interrupted
+atexit.register(gc.collect)  # tasks that failed unseen are told of when they are deleted
+"""
+
+
+def test_client_interrupted_while_it_waits_for_a_result(tmp_path, undisturbed):
+    """Dask has nothing to say on stderr about what it left undone."""
+    folder, expected = undisturbed
+    file = tmp_path / "script.py"
+    file.write_text(WHILE_FETCHING + COMMAND)
+    process = client(file, "evaluate", folder, "-o", tmp_path / "run", "--workers", 1, "--quiet")
+    assert process.communicate(timeout=300) == ("", "voxkernel: error: interrupted\n")
+    assert process.returncode == 130
+    resumes(folder, tmp_path / "run", expected, stored(tmp_path / "run"))
+
+
 def test_two_runs_at_once(tmp_path, undisturbed, script):
     folder, expected = undisturbed
     run = tmp_path / "run"

@@ -56,6 +56,17 @@ class Cluster:
         """Give the addresses of the workers there are now."""
         return set(self.client.nthreads())
 
+    def result_of(self, future: Any, *, timeout: float) -> Any:
+        """Give what a task has returned, or raise what it has raised.
+
+        `Future.result` of Dask, interrupted, cancels its own waiting halfway and writes on stderr what that leaves
+        behind. Here only the caller stops waiting.
+        """
+        import asyncio
+
+        waiting = self.client.gather(future, asynchronous=True)
+        return asyncio.run_coroutine_threadsafe(waiting, self.client.loop.asyncio_loop).result(timeout)
+
     def end_of(self, address: str) -> tuple[int, bool] | None:
         """Give exit code of a local worker that is gone, and whether it was ended for its memory."""
         for _ in range(40 if self.is_local else 0):

@@ -146,7 +146,7 @@ class Dispatcher:
         from distributed.scheduler import KilledWorker
 
         try:
-            outcomes = job.future.result(timeout=30)
+            outcomes = self._cluster.result_of(job.future, timeout=30)
         except (KilledWorker, CancelledError, TimeoutError, OSError):
             yield from self._lost(job)
             return
