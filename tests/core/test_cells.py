@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 import shapes
-from test_polyhedral import as_cell, hull_cell, sphere_points
+from cells import as_cell, hull_cell, sphere_points
 
 from voxkernel._core import StopFlag, orient_cells, solve_cells, squared_diameter
 from voxkernel.polyhedral import PolyhedralMesh

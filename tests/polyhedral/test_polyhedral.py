@@ -8,6 +8,7 @@ import numpy as np
 import oracle
 import pytest
 import shapes
+from cells import as_cell, hull_cell, sphere_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,11 +17,6 @@ from voxkernel.errors import MeshError, MeshReadError
 from voxkernel.halfspaces import HalfSpaces, find_feasibility
 from voxkernel.pictures import cells_picture
 from voxkernel.polyhedral import PolyhedralMesh, cell_kernels, is_polyhedral, read_polyhedral
-
-
-def as_cell(mesh):
-    """(vertices, list of polygons) of a mesh of triangles or polygons."""
-    return np.asarray(mesh[0], float), [list(map(int, polygon)) for polygon in mesh[1]]
 
 
 def solved(*cells, **options):
@@ -62,23 +58,6 @@ def exact_slack(surface, point):
 
 
 # ---------------------------------------------------------------- families by formula
-
-
-def sphere_points(rng, n):
-    points = rng.standard_normal((n, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None]
-
-
-def hull_cell(points):
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points)
-    faces = hull.simplices.copy()
-    corners = points[faces]
-    turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = (turn * hull.equations[:, :3]).sum(axis=1) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return points, faces
 
 
 def voronoi_like_cell(rng, n):
