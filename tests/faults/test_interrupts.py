@@ -85,7 +85,8 @@ def test_best_center():
     """Spheres apart from each other: no point is much better than others, so that nothing is left out early."""
     rng = np.random.default_rng(0)
     vertices, faces = shapes.icosphere(5)
-    balls = [vertices * (1.0 + 0.05 * rng.normal(size=(len(vertices), 1))) + 4.0 * rng.normal(size=3) for _ in range(20)]
+    rough = [vertices * (1.0 + 0.05 * rng.normal(size=(len(vertices), 1))) for _ in range(20)]
+    balls = [ball + 4.0 * rng.normal(size=3) for ball in rough]
     mesh = voxkernel.as_mesh((np.concatenate(balls), np.concatenate([faces + i * len(vertices) for i in range(20)])))
     planes = HalfSpaces.from_mesh(mesh)
     voxkernel.best_center(planes, gap=0.9, domain=_ball(planes))
