@@ -31,7 +31,7 @@ void bind_violation(nb::module_& m) {
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> reach,
          Array1<const Index> weights, Index n_domain, Index most, double units, int depth) {
         ViolationCells found = without_lock([&](Stop& stop) {
-          return violation_cells({rows(normals), span(offsets), span(reach), span(weights), n_domain}, most, units,
+          return violation_cells({rows(normals), span(offsets), span(reach), {}, span(weights), n_domain}, most, units,
                                  depth, stop);
         });
         return std::make_tuple(to_rows<3>(std::move(found.tiles.ijk)), to_array(std::move(found.tiles.log2)),

@@ -5,49 +5,31 @@
 #include <cmath>
 
 #include "avx2.h"
+#include "brick_columns.h"
 
 namespace voxkernel {
 namespace {
 
-struct ColumnLimits {
-  double certain, possible;  // where the value is r, -r, along z, in the column (0, 0)
-  double step_x, step_y;
-  bool is_down;  // violated below the limit
-
-  ColumnLimits(const PlaneView& p, Index t, double half) {
-    const double ax = 2.0 * half * p.x[t], ay = 2.0 * half * p.y[t];
-    double az = 2.0 * half * p.z[t];
-    double r = half * (p.reach[t] + 1e-13);
-    if (std::abs(az) < 2e-9 * half) {
-      // Nearly parallel to the columns: tilt it a little and pay with the pad.
-      az = az >= 0 ? 2e-9 * half : -2e-9 * half;
-      r += 1.6e-8 * half;
-    }
-    const double corner = p.value[t] - 3.5 * (ax + ay + az);  // the value at voxel (0, 0, 0)
-    const double inverse = 1.0 / az;
-    certain = (r - corner) * inverse;
-    possible = (-r - corner) * inverse;
-    step_x = -ax * inverse;
-    step_y = -ay * inverse;
-    is_down = az < 0;
-  }
-};
+// A plane is violated above its limits where its value grows with z, below them elsewhere.
+ColumnLimits limits_of(const PlaneView& p, Index t, double half) {
+  return {p, t, half, half * (p.reach[t] + kLimitRounding)};
+}
 
 // Adds changes at the limits of the planes; returns what is violated at the start of every column.
 Index add_columns_plain(const PlaneView& p, Index first, Index last, double half, BrickSums& sums) {
   const auto limit = [](double z) { return static_cast<int>(std::ceil(std::min(8.0, std::max(0.0, z)))); };
   Index base = 0;
   for (Index t = first; t < last; ++t) {
-    const ColumnLimits plane(p, t, half);
+    const ColumnLimits plane = limits_of(p, t, half);
     Index w = p.weight[t];
-    if (plane.is_down) {  // everywhere, less what is above
+    if (!plane.is_up) {  // everywhere, less what is above
       base += w;
       w = -w;
     }
     for (int c = 0; c < 64; ++c) {
       const double shift = plane.step_x * (c >> 3) + plane.step_y * (c & 7);
-      sums.low[c + 64 * limit(plane.certain + shift)] += w;
-      sums.high[c + 64 * limit(plane.possible + shift)] += w;
+      sums.low[c + 64 * limit(plane.high + shift)] += w;
+      sums.high[c + 64 * limit(plane.low + shift)] += w;
     }
   }
   return base;
@@ -92,8 +74,8 @@ VOXKERNEL_AVX2 Index add_columns_avx2(const PlaneView& planes, Index first, Inde
   alignas(32) std::uint32_t at_low[64], at_high[64];
   Index base = 0;
   for (Index t = first; t < last; ++t) {
-    const ColumnLimits plane(p, t, half);
-    const __m256d certain = _mm256_set1_pd(plane.certain), possible = _mm256_set1_pd(plane.possible);
+    const ColumnLimits plane = limits_of(p, t, half);
+    const __m256d certain = _mm256_set1_pd(plane.high), possible = _mm256_set1_pd(plane.low);
     const __m256d step_x = _mm256_set1_pd(plane.step_x), step_y = _mm256_set1_pd(plane.step_y);
     const __m256d y0 = _mm256_mul_pd(step_y, _mm256_setr_pd(0, 1, 2, 3)),
                   y1 = _mm256_mul_pd(step_y, _mm256_setr_pd(4, 5, 6, 7));
@@ -107,7 +89,7 @@ VOXKERNEL_AVX2 Index add_columns_avx2(const PlaneView& planes, Index first, Inde
       column = _mm256_add_epi32(column, _mm256_set1_epi32(8));
     }
     Index w = p.weight[t];
-    if (plane.is_down) {
+    if (!plane.is_up) {
       base += w;
       w = -w;
     }

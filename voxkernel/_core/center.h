@@ -1,18 +1,11 @@
-// The least violated point: branch and bound over octree cells, with lists of planes like those of plane_list.h.
+// The least violated point: branch and bound over octree cells, with the lists of planes of descent.h.
 #pragma once
 
+#include "descent.h"
 #include "spans.h"
 #include "stop.h"
 
 namespace voxkernel {
-
-// Planes of the unit cube, the first `n_domain` those of a domain; `pads` cover all rounding.
-struct PaddedPlanes {
-  Points normals;
-  Doubles offsets, reach, pads;
-  Indices weights;
-  Index n_domain;
-};
 
 // Stop within `gap`, or within `ratio` of what is reached where that is more; at cells of `max_level`, after
 // `max_cells`.
@@ -27,7 +20,7 @@ struct Least {
   Index best, lower, n_cells;
 };
 
-Least least_violated(const PaddedPlanes& planes, double blur, Index best, const Search& search, double* center,
+Least least_violated(const CubePlanes& planes, double blur, Index best, const Search& search, double* center,
                      double* open_cell, Stop& stop);
 
 }  // namespace voxkernel

@@ -3,28 +3,19 @@
 #include <utility>
 
 #include "avx2.h"
-#include "plane_list.h"
+#include "brick_columns.h"
 
 namespace voxkernel {
 namespace {
 
-// The value of a plane at the centre of voxel (0, 0, 0) of a brick, and its change along the axes.
-struct PointPlane {
-  double corner, ax, ay, az;
-
-  PointPlane(const PlaneView& p, Index t, double half)
-      : ax(2.0 * half * p.x[t]), ay(2.0 * half * p.y[t]), az(2.0 * half * p.z[t]) {
-    corner = p.value[t] - 3.5 * (ax + ay + az);
-  }
-};
-
 void add_points_plain(const PlaneView& p, Index first, Index last, double half, Index* sums) {
   for (Index t = first; t < last; ++t) {
-    const PointPlane plane(p, t, half);
+    const VoxelSteps step(p, t, half);
+    const double corner = step.corner(p.value[t]);
     const Index w = p.weight[t];
     for (int c = 0; c < 64; ++c) {
-      const double at_zero = plane.corner + plane.ax * (c >> 3) + plane.ay * (c & 7);
-      for (int z = 0; z < 8; ++z) sums[8 * c + z] += at_zero + plane.az * z > 0.0 ? w : 0;
+      const double at_zero = corner + step.x * (c >> 3) + step.y * (c & 7);
+      for (int z = 0; z < 8; ++z) sums[8 * c + z] += at_zero + step.z * z > 0.0 ? w : 0;
     }
   }
 }
@@ -35,16 +26,18 @@ VOXKERNEL_AVX2 void add_points_avx2(const PlaneView& p, Index first, Index last,
   const __m256d zero = _mm256_setzero_pd();
   // Two planes at a time, so that every sum is loaded and stored half as often; the last may be a plane of no weight.
   for (Index t = first; t < last; t += 2) {
-    const PointPlane one(p, t, half), two(p, t + 1 < last ? t + 1 : t, half);
+    const Index next = t + 1 < last ? t + 1 : t;
+    const VoxelSteps one(p, t, half), two(p, next, half);
+    const double corner1 = one.corner(p.value[t]), corner2 = two.corner(p.value[next]);
     const __m256i w1 = _mm256_set1_epi64x(p.weight[t]), w2 = _mm256_set1_epi64x(t + 1 < last ? p.weight[t + 1] : 0);
     const __m256d low_z = _mm256_setr_pd(0, 1, 2, 3), high_z = _mm256_setr_pd(4, 5, 6, 7);
-    const __m256d low1 = _mm256_mul_pd(_mm256_set1_pd(one.az), low_z),
-                  high1 = _mm256_mul_pd(_mm256_set1_pd(one.az), high_z),
-                  low2 = _mm256_mul_pd(_mm256_set1_pd(two.az), low_z),
-                  high2 = _mm256_mul_pd(_mm256_set1_pd(two.az), high_z);
+    const __m256d low1 = _mm256_mul_pd(_mm256_set1_pd(one.z), low_z),
+                  high1 = _mm256_mul_pd(_mm256_set1_pd(one.z), high_z),
+                  low2 = _mm256_mul_pd(_mm256_set1_pd(two.z), low_z),
+                  high2 = _mm256_mul_pd(_mm256_set1_pd(two.z), high_z);
     for (int c = 0; c < 64; ++c) {
-      const __m256d at1 = _mm256_set1_pd(one.corner + one.ax * (c >> 3) + one.ay * (c & 7)),
-                    at2 = _mm256_set1_pd(two.corner + two.ax * (c >> 3) + two.ay * (c & 7));
+      const __m256d at1 = _mm256_set1_pd(corner1 + one.x * (c >> 3) + one.y * (c & 7)),
+                    at2 = _mm256_set1_pd(corner2 + two.x * (c >> 3) + two.y * (c & 7));
       auto* at = reinterpret_cast<__m256i*>(sums + 8 * c);
       const __m256i low = _mm256_add_epi64(kept_if(_mm256_cmp_pd(_mm256_add_pd(at1, low1), zero, _CMP_GT_OQ), w1),
                                            kept_if(_mm256_cmp_pd(_mm256_add_pd(at2, low2), zero, _CMP_GT_OQ), w2));
@@ -66,91 +59,51 @@ void add_points(const PlaneView& p, Index first, Index last, double half, Index*
   add_points_plain(p, first, last, half, sums);
 }
 
-// A cell whose children are open, its lists of domain and facet planes, and what is known of the children.
-struct Cell {
-  Index ijk[3];
-  Index begin, middle, end;
-  Index violated;
-  int next;  // child
-  Side sides[8];
-  Weights children[8];
-};
-
 class FieldOctree {
  public:
-  FieldOctree(const FieldPlanes& planes, Index most, double units, int depth, Stop& stop)
-      : planes_(3 * planes.offsets.size() + 1024),
-        cells_(depth + 3),
-        most_(most),
-        units_(units),
-        depth_(depth),
-        stop_(stop) {
-    const PlaneView p = planes_.view();
-    const Index n = planes.offsets.size();
-    for (Index i = 0; i < n; ++i) {
-      const double* a = planes.normals[i];
-      p.x[i] = a[0];
-      p.y[i] = a[1];
-      p.z[i] = a[2];
-      p.reach[i] = planes.reach[i];
-      p.value[i] = 0.5 * (a[0] + a[1] + a[2]) - planes.offsets[i];
-      p.weight[i] = planes.weights[i];
-    }
-    // Slot l + 1 is a cell of level l; slot 0 has one child, the cube.
-    cells_[0].middle = planes.n_domain;
-    cells_[0].end = n;
+  FieldOctree(const CubePlanes& planes, Index most, double units, int depth, Stop& stop)
+      : descent_(planes.offsets.size(), depth + 3, stop), most_(most), units_(units), depth_(depth), stop_(stop) {
+    list_planes(planes, descent_.planes);
+    descent_.open_first(0, planes.n_domain, planes.offsets.size());
   }
 
   ViolationCells run() {
     look_at_children(0);
-    for (int slot = 0; slot >= 0;) {
-      if (cells_[slot].next == 8) {
-        --slot;
-      } else if (enter_child(slot)) {
-        look_at_children(++slot);
-      }
-    }
+    descent_.run(0, [this](int slot) { return enter_child(slot); });
     return std::move(found_);
   }
 
  private:
   void look_at_children(int slot) {
-    Cell& cell = cells_[slot];
-    voxkernel::look_at_children(cell, planes_.view(), slot, most_ - cell.violated, stop_);
+    descent_.look_at_children(slot, CellLimits{}, most_ - descent_.cells[slot].violated);
   }
 
-  // Samples the next child of a cell, or drops it; whether it is to be divided and has become the next cell.
+  // Samples the next child of a cell, or drops it; whether it is to be divided.
   bool enter_child(int slot) {
-    Cell& cell = cells_[slot];
-    const int level = slot, c = cell.next;
-    cell.next = slot == 0 ? 8 : c + 1;
+    WeighedCell& cell = descent_.cells[slot];
+    const int level = slot, c = cell.next++;
     const Index certain = cell.violated + cell.children[c].certain;
     if (cell.sides[c] == Side::outside || certain > most_) return false;
-    Cell& child = cells_[slot + 1];
-    std::fill_n(child.ijk, 3, Index{0});
-    if (slot > 0) child_cell(cell.ijk, c, child.ijk);
+    Index ijk[3];
+    child_cell(cell.ijk, c, ijk);
     if (cell.sides[c] == Side::inside && certain == cell.violated + cell.children[c].possible) {
-      found_.tiles.add(child.ijk, depth_ - level);
-      found_.tile_values.push_back(static_cast<float>(static_cast<double>(certain) / units_));
+      found_.tiles.add(ijk, depth_ - level);
+      found_.tile_values.push_back(value_of(certain));
       return false;
     }
-    const Step step = slot == 0 ? step_to_cube() : step_to_child(c, half_edge(level));
-    stop_.poll(cell.end - cell.begin);
-    planes_.reserve(cell.end + (cell.end - cell.begin));
-    const PlaneView p = planes_.view();
-    child.begin = cell.end;
-    child.middle = keep_crossing(p, cell.begin, cell.middle, cell.end, step);
-    child.end = keep_crossing(p, cell.middle, cell.end, child.middle, step);
+    WeighedCell& child = descent_.narrow(slot, c);
     child.violated = certain;
-    child.next = 0;
-    if (level < depth_ - 3) return true;
+    if (level < depth_ - 3) {
+      look_at_children(slot + 1);
+      return true;
+    }
     sample(child);
     return false;
   }
 
-  void sample(const Cell& brick) {
+  void sample(const WeighedCell& brick) {
     const double half = half_edge(depth_);
-    const PlaneView p = planes_.view();
+    const PlaneView p = descent_.planes.view();
     stop_.poll(64 * (brick.end - brick.begin) + 512);
     alignas(32) Index sums[512], beyond[512];
     std::fill_n(sums, 512, brick.violated);
@@ -167,15 +120,14 @@ class FieldOctree {
       some |= mask[word];
     }
     if (some == 0) return;
-    for (const Index i : brick.ijk) found_.leaf_ijk.push_back(static_cast<std::int32_t>(i << 3));
+    add_corner(found_.leaf_ijk, brick.ijk, 3);
     found_.leaf_mask.insert(found_.leaf_mask.end(), mask, mask + 8);
-    for (const Index sum : sums) {
-      found_.leaf_values.push_back(static_cast<float>(static_cast<double>(sum) / units_));
-    }
+    for (const Index sum : sums) found_.leaf_values.push_back(value_of(sum));
   }
 
-  PlaneList planes_;
-  std::vector<Cell> cells_;
+  float value_of(Index weight) const { return static_cast<float>(static_cast<double>(weight) / units_); }
+
+  Descent<WeighedCell, false, true> descent_;
   ViolationCells found_;
   Index most_;
   double units_;
@@ -189,7 +141,7 @@ class FieldOctree {
 //
 // Values are weights over `units`; voxels are active where the centre is inside the domain planes and violates at
 // most `most`.
-ViolationCells violation_cells(const FieldPlanes& planes, Index most, double units, int depth, Stop& stop) {
+ViolationCells violation_cells(const CubePlanes& planes, Index most, double units, int depth, Stop& stop) {
   return FieldOctree(planes, most, units, depth, stop).run();
 }
 

@@ -1,19 +1,12 @@
 // The violation on an octree: its value at voxel centres where it may be small, one value where it is constant.
 #pragma once
 
+#include "descent.h"
 #include "spans.h"
 #include "stop.h"
 #include "voxels.h"
 
 namespace voxkernel {
-
-// Planes of the unit cube, the first `n_domain` those of a domain; `reach` covers all rounding.
-struct FieldPlanes {
-  Points normals;
-  Doubles offsets, reach;
-  Indices weights;
-  Index n_domain;
-};
 
 struct ViolationCells {
   Tiles tiles;
@@ -23,6 +16,6 @@ struct ViolationCells {
   std::vector<float> leaf_values;  // 512 a leaf, entry 64 x + 8 y + z
 };
 
-ViolationCells violation_cells(const FieldPlanes& planes, Index most, double units, int depth, Stop& stop);
+ViolationCells violation_cells(const CubePlanes& planes, Index most, double units, int depth, Stop& stop);
 
 }  // namespace voxkernel

@@ -1,12 +1,14 @@
 // Lists of planes, one array per number, so that a test of a cell is a loop over contiguous memory. The lists of a
 // cell and of its ancestors follow one another like on a stack; nothing is allocated for a cell.
 //
-// A plane is (a, b): a . u <= b, with |a| = 1 up to rounding. For a cell with centre c and half edge h,
-// `value` is a . c - b, and `reach` |a|_1 or a little more.
+// A plane is (a, b): a . u <= b, with |a| = 1 up to rounding. For a cell with centre c and half edge h, `value` is
+// a . c - b. Where a list has pads, `reach` is |a|_1 and r = h * reach + pad; where it has none, they are a part of
+// `reach` and r = h * reach. Why r and -r are certain: plane_bounds.h.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 
 #include "spans.h"
@@ -18,6 +20,7 @@ namespace voxkernel {
 template <typename T>
 class Column {
  public:
+  Column() = default;
   explicit Column(Index size) : data_(new T[size]), size_(size) {}
   T* data() const { return data_.get(); }
   Index size() const { return size_; }
@@ -33,40 +36,79 @@ class Column {
 
  private:
   std::unique_ptr<T[]> data_;
-  Index size_;
+  Index size_ = 0;
 };
+
+// A pass may read and write this many planes beyond the end of a list.
+constexpr Index kSlack = 4;
+
+// Columns of floating-point numbers and of integers that grow together.
+template <std::size_t n_numbers, std::size_t n_integers>
+class ColumnSet {
+ public:
+  explicit ColumnSet(Index size) {
+    for (Column<double>& column : numbers_) column = Column<double>(size);
+    for (Column<Index>& column : integers_) column = Column<Index>(size);
+  }
+  void reserve(Index needed) {
+    for (Column<double>& column : numbers_) column.reserve(needed + kSlack);
+    for (Column<Index>& column : integers_) column.reserve(needed + kSlack);
+  }
+
+ protected:
+  // Column k, null where there is none.
+  template <std::size_t k>
+  double* numbers() const {
+    if constexpr (k < n_numbers) return numbers_[k].data();
+    return nullptr;
+  }
+  template <std::size_t k>
+  Index* integers() const {
+    if constexpr (k < n_integers) return integers_[k].data();
+    return nullptr;
+  }
+
+ private:
+  std::array<Column<double>, n_numbers> numbers_;
+  std::array<Column<Index>, n_integers> integers_;
+};
+
+// Pointers into the columns, valid until they grow; null where a list has no such column.
+struct PlaneView {
+  double *x, *y, *z, *reach, *value, *pad;
+  Index* weight;
+
+  void set(Index i, const double* a, double r, double v) const {
+    x[i] = a[0];
+    y[i] = a[1];
+    z[i] = a[2];
+    reach[i] = r;
+    value[i] = v;
+  }
+};
+
+template <bool has_pad, bool has_weight>
+class PlaneList : public ColumnSet<has_pad ? 6 : 5, has_weight ? 1 : 0> {
+ public:
+  using ColumnSet<has_pad ? 6 : 5, has_weight ? 1 : 0>::ColumnSet;
+  PlaneView view() const {
+    return {this->template numbers<0>(), this->template numbers<1>(), this->template numbers<2>(),
+            this->template numbers<3>(), this->template numbers<4>(), this->template numbers<5>(),
+            this->template integers<0>()};
+  }
+};
+
+// The value of a plane at the centre of the unit cube.
+inline double value_in_cube(const double* a, double b) { return 0.5 * (a[0] + a[1] + a[2]) - b; }
 
 // From the centre of a cell to that of a child, and the half edge of the child.
 struct Step {
   double x, y, z, h;
 };
 // Child c is on the upper side of x, y, z where bit 4, 2, 1 is set.
-inline Step step_to_child(int c, double h) { return {c & 4 ? h : -h, c & 2 ? h : -h, c & 1 ? h : -h, h}; }
+inline Step child_step(int c, double h) { return {c & 4 ? h : -h, c & 2 ? h : -h, c & 1 ? h : -h, h}; }
 
-// A pass may read and write this many planes beyond the end of a list.
-constexpr Index kSlack = 4;
-
-// Pointers into the columns, valid until they grow.
-struct PlaneView {
-  double *x, *y, *z, *reach, *value;
-  Index* weight;
-};
-
-class PlaneList {
- public:
-  explicit PlaneList(Index size) : x_(size), y_(size), z_(size), reach_(size), value_(size), weight_(size) {}
-  PlaneView view() const { return {x_.data(), y_.data(), z_.data(), reach_.data(), value_.data(), weight_.data()}; }
-  void reserve(Index needed) {
-    for (Column<double>* column : {&x_, &y_, &z_, &reach_, &value_}) column->reserve(needed + kSlack);
-    weight_.reserve(needed + kSlack);
-  }
-
- private:
-  Column<double> x_, y_, z_, reach_, value_;
-  Column<Index> weight_;
-};
-
-// What all of a cell violates for certain, and what some of it can violate.
+// Sums of weights: what all of a cell violates for certain, and what may be violated as far as the limits look.
 struct Weights {
   Index certain = 0;
   Index possible = 0;
@@ -74,38 +116,34 @@ struct Weights {
 
 enum class Side { outside, inside, crossing };
 
-// Where a cell is with respect to the planes first..last of a domain: certainly outside one, certainly inside all.
-Side domain_side(const PlaneView& planes, Index first, Index last, Step step);
+// Limits say from which value on a plane may be violated; above r all of a cell violates it.
+// In some of the cell: from -r on. For lists without pads.
+struct CellLimits {
+  static constexpr bool has_pad = false;
+};
+// At its centre, which may be moved by `blur` later: above -pad - blur. For lists with pads.
+struct CentreLimits {
+  static constexpr bool has_pad = true;
+  double blur;
+};
+
+// Where a cell is with respect to the planes first..last of a domain: all of it certainly outside one, as far as the
+// limits look certainly inside all, or neither.
+template <typename Limits>
+Side domain_side(const PlaneView& planes, Index first, Index last, const Step& step, const Limits& limits);
 // What the cell itself violates of the planes first..last.
-Weights weights_of(const PlaneView& planes, Index first, Index last, Step step);
+template <typename Limits>
+Weights weights_of(const PlaneView& planes, Index first, Index last, const Step& step, const Limits& limits);
+constexpr Index kNoLimit = std::numeric_limits<Index>::max();
 // The same for the eight children of a cell, those of bit c in `wanted`; h is their half edge. A child that violates
 // more than `most` for certain is not looked at to the end.
+template <typename Limits>
 void weights_of_children(const PlaneView& planes, Index first, Index last, double h, Index most, int wanted,
-                         Weights (&children)[8]);
-// Copies the planes first..last that the cell may cross to `at` and after; returns where they end.
-Index keep_crossing(const PlaneView& planes, Index first, Index last, Index at, Step step);
-
-// The root of an octree is the one child of slot 0, the cube itself; slot l + 1 is a cell of level l.
-inline Step step_to_cube() { return {0.0, 0.0, 0.0, 0.5}; }
-inline double half_edge(int level) { return 0.5 / static_cast<double>(Index{1} << level); }
-
-// Fills what is known of the children of a cell: their sides of the domain, and what they violate up to `most`.
-template <typename Cell>
-void look_at_children(Cell& cell, const PlaneView& p, int slot, Index most, Stop& stop) {
-  stop.poll(8 * (cell.end - cell.begin) + 8);
-  if (slot == 0) {
-    const Step step = step_to_cube();
-    cell.sides[0] = domain_side(p, cell.begin, cell.middle, step);
-    cell.children[0] = weights_of(p, cell.middle, cell.end, step);
-    return;
-  }
-  const double h = half_edge(slot);
-  int wanted = 0;
-  for (int c = 0; c < 8; ++c) {
-    cell.sides[c] = domain_side(p, cell.begin, cell.middle, step_to_child(c, h));
-    if (cell.sides[c] != Side::outside) wanted |= 1 << c;
-  }
-  weights_of_children(p, cell.middle, cell.end, h, most, wanted, cell.children);
-}
+                         const Limits& limits, Weights (&children)[8]);
+// Copies the planes first..last that the cell may cross to `at` and after, weights among them; returns where they end.
+template <bool has_pad>
+Index keep_crossing(const PlaneView& planes, Index first, Index last, Index at, const Step& step);
+// The same for a list with pads and without weights; when the cell is certainly outside plane t, returns -1 - t.
+Index keep_undecided(const PlaneView& planes, Index first, Index last, Index at, const Step& step);
 
 }  // namespace voxkernel

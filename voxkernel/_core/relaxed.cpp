@@ -1,7 +1,5 @@
-// Cells are cubes of the unit cube; planes, values and reaches are those of plane_list.h. In a cell with half edge h,
-// s = value and r = h * reach: s > r proves that the whole cell violates the plane, s < -r that none of it does.
-// `reach` is |a|_1 plus the bound on all rounding over the half edge of a voxel, so both are certain at every
-// level. Weights are integers: their sums are exact, in whatever order they are made.
+// The lists are those of descent.h, with pads a part of the reach: what is certain in a cell is so by plane_bounds.h.
+// Weights are integers: their sums are exact, in whatever order they are made.
 //
 // Planes of the domain come first in every list and have no weight: one that is violated for certain puts a
 // cell outside.
@@ -13,30 +11,23 @@
 #include <utility>
 
 #include "brick_sums.h"
-#include "plane_list.h"
+#include "descent.h"
 
 namespace voxkernel {
 namespace {
 
 constexpr Index kOutside = Index{1} << 62;  // more than all weights together
 
-// A cell whose children are open, its lists of domain and facet planes, and what is known of the children.
-struct Cell {
-  Index ijk[3];
-  Index begin, middle, end;
-  Index violated;
-  Index k_low, k_high;
-  int next;  // child
-  Side sides[8];
-  Weights children[8];
+// A cell whose children are open, and the range of its unsettled thresholds.
+struct Cell : WeighedCell {
+  Index k_low = 0, k_high = 0;
 };
 
 class RelaxedOctree {
  public:
   RelaxedOctree(const Thresholds& thresholds, Index n_planes, int depth, int stop_level, bool count_only, Stop& stop)
       : thresholds_(thresholds),
-        planes_(3 * n_planes + 1024),
-        cells_(depth + 3),
+        descent_(n_planes, depth + 3, stop),
         depth_(depth),
         stop_level_(stop_level),
         count_only_(count_only),
@@ -47,82 +38,50 @@ class RelaxedOctree {
 
   RelaxedCells run(const CellPlanes& planes, const StartCell& start) {
     take(planes);
-    // Slot l + 1 is a cell of level l; slot 0 has one child, the cube.
-    const int lowest = start.level + 1;
-    Cell& root = cells_[lowest];
-    std::copy_n(start.ijk, 3, root.ijk);
-    root.middle = planes.n_domain;
-    root.end = planes.weights.size();
-    root.violated = start.certain;
-    root.k_low = start.k_low;
-    root.k_high = start.k_high;
-    look_at_children(lowest);
-    for (int slot = lowest; slot >= lowest;) {
-      if (cells_[slot].next == 8) {
-        --slot;
-      } else if (enter_child(slot)) {
-        look_at_children(++slot);
-      }
-    }
+    const int top = start.level + 1;
+    Cell& cell = descent_.open_first(top, planes.n_domain, planes.weights.size());
+    if (top != 0) std::copy_n(start.ijk, 3, cell.ijk);
+    cell.violated = start.certain;
+    cell.k_low = start.k_low;
+    cell.k_high = start.k_high;
+    look_at_children(top);
+    descent_.run(top, [this](int slot) { return enter_child(slot); });
     return std::move(found_);
   }
 
  private:
   void take(const CellPlanes& planes) {
-    const PlaneView p = planes_.view();
+    const PlaneView p = descent_.planes.view();
     for (Index i = 0; i < planes.weights.size(); ++i) {
       const double* row = planes.numbers[i];
-      p.x[i] = row[0];
-      p.y[i] = row[1];
-      p.z[i] = row[2];
-      p.reach[i] = row[3];
-      p.value[i] = row[4];
+      p.set(i, row, row[3], row[4]);
       p.weight[i] = planes.weights[i];
     }
   }
 
   void look_at_children(int slot) {
-    Cell& cell = cells_[slot];
-    voxkernel::look_at_children(cell, planes_.view(), slot, thresholds_.outs[cell.k_high - 1] - cell.violated, stop_);
+    const Cell& cell = descent_.cells[slot];
+    descent_.look_at_children(slot, CellLimits{}, thresholds_.outs[cell.k_high - 1] - cell.violated);
   }
 
-  // Settles the next child of a cell as far as it can be; whether it is to be divided and has become the next cell.
+  // Settles the next child of a cell as far as it can be; whether it is to be divided.
   bool enter_child(int slot) {
-    Cell& cell = cells_[slot];
-    const int level = slot, c = cell.next;
-    cell.next = slot == 0 ? 8 : c + 1;
-    if (cell.sides[c] == Side::outside) return false;
-    Index k_low = cell.k_low, k_high = cell.k_high;
-    const Index certain = cell.violated + cell.children[c].certain,
-                possible = cell.violated + cell.children[c].possible;
-    if (certain > thresholds_.outs[k_high - 1]) return false;
+    Cell& cell = descent_.cells[slot];
+    const int level = slot, c = cell.next++;
+    const Index certain = cell.violated + cell.children[c].certain;
+    if (cell.sides[c] == Side::outside || certain > thresholds_.outs[cell.k_high - 1]) return false;
+    Index k_low = cell.k_low;
     while (certain > thresholds_.outs[k_low]) ++k_low;
-    Index ijk[3] = {0, 0, 0};
-    if (slot > 0) child_cell(cell.ijk, c, ijk);
-    while (cell.sides[c] == Side::inside && k_high > k_low && possible <= thresholds_.ins[k_high - 1]) {
-      --k_high;
-      found_.n_inside[k_high] += Index{1} << (3 * (depth_ - level));
-      if (!count_only_) add_tile(ijk, depth_ - level, k_high);
-    }
+    const Index k_high = hand_out_tiles(cell, c, k_low, depth_ - level);
     if (k_low == k_high) return false;
-    const Step step = slot == 0 ? step_to_cube() : step_to_child(c, half_edge(level));
-    stop_.poll(cell.end - cell.begin);
-    planes_.reserve(cell.end + (cell.end - cell.begin));
-    const PlaneView p = planes_.view();
-    const Index middle = keep_crossing(p, cell.begin, cell.middle, cell.end, step);
-    const Index end = keep_crossing(p, cell.middle, cell.end, middle, step);
-    Cell& child = cells_[slot + 1];
-    child.begin = cell.end;
-    child.middle = middle;
-    child.end = end;
+    Cell& child = descent_.narrow(slot, c);
     child.violated = certain;
     child.k_low = k_low;
     child.k_high = k_high;
-    child.next = 0;
-    std::copy_n(ijk, 3, child.ijk);
     if (level == stop_level_) {
       list_pending(child);
     } else if (level < depth_ - 3) {
+      look_at_children(slot + 1);
       return true;
     } else {
       settle_brick(child);
@@ -130,9 +89,24 @@ class RelaxedOctree {
     return false;
   }
 
+  // Child c is inside for those thresholds that all of it keeps; where the rest ends.
+  Index hand_out_tiles(const Cell& cell, int c, Index k_low, int exponent) {
+    Index k_high = cell.k_high;
+    if (cell.sides[c] != Side::inside) return k_high;
+    const Index possible = cell.violated + cell.children[c].possible;
+    Index ijk[3];
+    child_cell(cell.ijk, c, ijk);
+    while (k_high > k_low && possible <= thresholds_.ins[k_high - 1]) {
+      --k_high;
+      found_.n_inside[k_high] += Index{1} << (3 * exponent);
+      if (!count_only_) add_tile(ijk, exponent, k_high);
+    }
+    return k_high;
+  }
+
   void settle_brick(const Cell& brick) {
     const double half = half_edge(depth_);
-    const PlaneView p = planes_.view();
+    const PlaneView p = descent_.planes.view();
     stop_.poll(32 * (brick.end - brick.begin) + 512);
     fill_sums(p, brick.middle, brick.end, half, brick.violated, sums_);
     if (brick.middle > brick.begin) {
@@ -181,7 +155,7 @@ class RelaxedOctree {
                           cell.k_low,
                           cell.k_high};
     found_.pending.insert(found_.pending.end(), row, row + 9);
-    const PlaneView p = planes_.view();
+    const PlaneView p = descent_.planes.view();
     for (Index t = cell.begin; t < cell.end; ++t) {
       const double numbers[5] = {p.x[t], p.y[t], p.z[t], p.reach[t], p.value[t]};
       found_.pending_numbers.insert(found_.pending_numbers.end(), numbers, numbers + 5);
@@ -189,10 +163,9 @@ class RelaxedOctree {
     }
   }
 
-  const Thresholds& thresholds_;
-  PlaneList planes_;
-  std::vector<Cell> cells_;
   BrickSums sums_{}, domain_sums_{};
+  const Thresholds& thresholds_;
+  Descent<Cell, false, true> descent_;
   RelaxedCells found_;
   int depth_;
   int stop_level_;

@@ -1,6 +1,6 @@
 // The points are divided like a kd-tree, each part with the planes that may cross it. A plane that all of a part
-// violates for certain is added once; one that none of it does is dropped. Signs within rounding of a plane are
-// decided with expansions. Weights are integers.
+// violates for certain is added once; one that none of it does is dropped (plane_bounds.h, 3). Signs within rounding
+// of a plane are decided with expansions. Weights are integers.
 #include "violation.h"
 
 #include <cmath>
@@ -22,21 +22,12 @@ struct FacetView {
   Index *weight, *row;
 };
 
-class FacetList {
+class FacetList : public ColumnSet<5, 2> {
  public:
-  explicit FacetList(Index size)
-      : x_(size), y_(size), z_(size), offset_(size), error_(size), weight_(size), row_(size) {}
+  using ColumnSet::ColumnSet;
   FacetView view() const {
-    return {x_.data(), y_.data(), z_.data(), offset_.data(), error_.data(), weight_.data(), row_.data()};
+    return {numbers<0>(), numbers<1>(), numbers<2>(), numbers<3>(), numbers<4>(), integers<0>(), integers<1>()};
   }
-  void reserve(Index needed) {
-    for (Column<double>* column : {&x_, &y_, &z_, &offset_, &error_}) column->reserve(needed + kSlack);
-    for (Column<Index>* column : {&weight_, &row_}) column->reserve(needed + kSlack);
-  }
-
- private:
-  Column<double> x_, y_, z_, offset_, error_;
-  Column<Index> weight_, row_;
 };
 
 // The bounding box of a part: centre and half edges, a little widened; |x| + |y| + |z| is at most `far`.

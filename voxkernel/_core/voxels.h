@@ -21,13 +21,18 @@ inline Index ones(Word word) {
 
 enum class Content { nothing, everything, some };
 
+// Appends the lower corner of a cell whose edge has 2**exponent voxels.
+inline void add_corner(std::vector<std::int32_t>& corners, const Index* cell, int exponent) {
+  for (int k = 0; k < 3; ++k) corners.push_back(static_cast<std::int32_t>(cell[k] << exponent));
+}
+
 // Lower corners of cubes and the exponents of their edges, in voxels.
 struct Tiles {
   std::vector<std::int32_t> ijk;
   std::vector<std::int8_t> log2;
 
   void add(const Index* cell, int exponent) {
-    for (int k = 0; k < 3; ++k) ijk.push_back(static_cast<std::int32_t>(cell[k] << exponent));
+    add_corner(ijk, cell, exponent);
     log2.push_back(static_cast<std::int8_t>(exponent));
   }
 };
@@ -39,7 +44,7 @@ struct Leaves {
   std::vector<Word> boundary;
 
   void add(const Index* cell, const Word* in, const Word* undecided) {
-    for (int k = 0; k < 3; ++k) ijk.push_back(static_cast<std::int32_t>(cell[k] << 3));
+    add_corner(ijk, cell, 3);
     inside.insert(inside.end(), in, in + 8);
     boundary.insert(boundary.end(), undecided, undecided + 8);
   }
