@@ -82,9 +82,9 @@ def test_names_exist(path):
 
 
 def test_commands_parse():
-    from voxkernel.cli import main as cli
+    from voxkernel.cli import commands as cli
 
-    parser = cli._parser()
+    parser = cli.parser()
     lines = [line for path in TEXTS for text in blocks(path, "sh") for line in text.splitlines()]
     commands = [line.split("#")[0].split("&&")[-1].split() for line in lines if re.match(r"(.*&& )?voxkernel ", line)]
     assert commands

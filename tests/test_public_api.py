@@ -2,9 +2,14 @@
 
 import ast
 import inspect
+import os
 import re
+import subprocess
+import sys
 import typing
+from importlib import import_module
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -51,12 +56,53 @@ def test_all_is_fixed_and_sorted():
     assert voxkernel.__all__ == NAMES
 
 
-def test_init_holds_imports_only():
+def test_every_list_of_names_agrees():
     tree = ast.parse(inspect.getsource(voxkernel))
-    allowed = (ast.ImportFrom, ast.Assign, ast.Expr)
-    assert all(isinstance(node, allowed) for node in tree.body)
-    assigned = {t.id for node in tree.body if isinstance(node, ast.Assign) for t in node.targets}
-    assert assigned == {"__all__"}
+    (checked,) = [node for node in tree.body if isinstance(node, ast.If)]
+    imports = {(a.name, n.module.removeprefix("voxkernel.")) for n in checked.body for a in n.names}
+    assert imports == set(voxkernel._HOMES.items())
+    assert list(voxkernel._HOMES) == voxkernel.__all__
+
+
+def test_a_name_is_that_of_its_folder():
+    for name, home in voxkernel._HOMES.items():
+        assert getattr(voxkernel, name) is getattr(import_module(f"voxkernel.{home}"), name)
+
+
+def test_folders_are_found_without_an_import():
+    files = Path(voxkernel.__file__).parent.glob("*/__init__.py")
+    assert set(voxkernel._FOLDERS) == {file.parent.name for file in files} - {"cli"} | {"errors"}
+    assert all(getattr(voxkernel, name) is import_module(f"voxkernel.{name}") for name in voxkernel._FOLDERS)
+
+
+def test_dir_and_unknown_names():
+    assert {*NAMES, *voxkernel._FOLDERS, "__version__"} <= set(dir(voxkernel))
+    with pytest.raises(AttributeError, match="module 'voxkernel' has no attribute 'exact_kernal'"):
+        voxkernel.exact_kernal  # noqa: B018
+
+
+def loaded_by(code):
+    """Modules that a fresh interpreter has afterwards and a bare one does not."""
+    show = "import sys; print(*sys.modules)"
+    env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
+    bare, full = (
+        subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, env=env).stdout.split()
+        for text in (show, f"{code}; {show}")
+    )
+    return set(full) - set(bare)
+
+
+def test_import_loads_neither_numpy_nor_a_folder():
+    loaded = loaded_by("import voxkernel")
+    assert "numpy" not in loaded
+    own = {"voxkernel", "voxkernel._core", "voxkernel._core_check", "voxkernel._version"}
+    assert {name for name in loaded if name.startswith("voxkernel")} == own
+    assert "voxkernel.exact" in loaded_by("import voxkernel; voxkernel.exact_kernel")
+
+
+def test_way_in_of_the_command_loads_next_to_nothing():
+    loaded = loaded_by("import voxkernel.cli.main")
+    assert not {"numpy", "argparse", "typing", "pathlib", "logging", "voxkernel.cli.commands"} & loaded
 
 
 def test_version():

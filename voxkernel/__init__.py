@@ -3,19 +3,22 @@
 # First of all: it says how to install where the compiled core is missing.
 from voxkernel import _core_check as _core_check
 from voxkernel._version import __version__ as __version__
-from voxkernel.errors import VoxKernelError
-from voxkernel.evaluation import EvaluateSettings, evaluate
-from voxkernel.exact import exact_kernel
-from voxkernel.grid import SparseGrid
-from voxkernel.measures import defect_profile, kernel_moments, kernel_points, starshapeness, visible_fraction
-from voxkernel.mesh import TriangleMesh, as_mesh, repair
-from voxkernel.polyhedral import cell_kernels, read_polyhedral
-from voxkernel.registration import register, register_many
-from voxkernel.relaxed import best_center, violation
-from voxkernel.report import write_report
-from voxkernel.spherical import spherical_map
-from voxkernel.vdb import read_vdb, write_vdb
-from voxkernel.voxels import violation_grid, voxel_kernel
+
+TYPE_CHECKING = False  # from `typing`, which would have to be imported
+if TYPE_CHECKING:
+    from voxkernel.errors import VoxKernelError
+    from voxkernel.evaluation import EvaluateSettings, evaluate
+    from voxkernel.exact import exact_kernel
+    from voxkernel.grid import SparseGrid
+    from voxkernel.measures import defect_profile, kernel_moments, kernel_points, starshapeness, visible_fraction
+    from voxkernel.mesh import TriangleMesh, as_mesh, repair
+    from voxkernel.polyhedral import cell_kernels, read_polyhedral
+    from voxkernel.registration import register, register_many
+    from voxkernel.relaxed import best_center, violation
+    from voxkernel.report import write_report
+    from voxkernel.spherical import spherical_map
+    from voxkernel.vdb import read_vdb, write_vdb
+    from voxkernel.voxels import violation_grid, voxel_kernel
 
 __all__ = [
     "EvaluateSettings",
@@ -44,3 +47,53 @@ __all__ = [
     "write_report",
     "write_vdb",
 ]
+
+# Where each name comes from: that is imported when the name is first used.
+_HOMES = {
+    "EvaluateSettings": "evaluation",
+    "SparseGrid": "grid",
+    "TriangleMesh": "mesh",
+    "VoxKernelError": "errors",
+    "as_mesh": "mesh",
+    "best_center": "relaxed",
+    "cell_kernels": "polyhedral",
+    "defect_profile": "measures",
+    "evaluate": "evaluation",
+    "exact_kernel": "exact",
+    "kernel_moments": "measures",
+    "kernel_points": "measures",
+    "read_polyhedral": "polyhedral",
+    "read_vdb": "vdb",
+    "register": "registration",
+    "register_many": "registration",
+    "repair": "mesh",
+    "spherical_map": "spherical",
+    "starshapeness": "measures",
+    "violation": "relaxed",
+    "violation_grid": "voxels",
+    "visible_fraction": "measures",
+    "voxel_kernel": "voxels",
+    "write_report": "report",
+    "write_vdb": "vdb",
+}
+_FOLDERS = (
+    "errors", "evaluation", "exact", "grid", "halfspaces", "measures", "mesh", "pictures", "polyhedral", "registration",
+    "relaxed", "report", "spherical", "vdb", "voxels",
+)  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    from importlib import import_module
+
+    if name in _HOMES:
+        value = getattr(import_module(f"voxkernel.{_HOMES[name]}"), name)
+    elif name in _FOLDERS:
+        value = import_module(f"voxkernel.{name}")
+    else:
+        raise AttributeError(f"module 'voxkernel' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_FOLDERS})

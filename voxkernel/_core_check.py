@@ -1,11 +1,11 @@
 """Imported before all else: where the compiled core is missing or broken, one line says how to install."""
 
-from pathlib import Path
-
 try:
     # A checkout without the module has a folder of that name, which Python takes for an empty package.
     from voxkernel._core import StopFlag as StopFlag
 except ImportError as error:
+    from pathlib import Path  # not for those who have the core
+
     package = Path(__file__).resolve().parent
     if (package / "_core" / "CMakeLists.txt").exists():
         advice = (

@@ -2,7 +2,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import shapes
 
 import voxkernel
 from voxkernel import as_mesh, exact_kernel
-from voxkernel.cli.main import COMMANDS, main
+from voxkernel.cli.commands import COMMANDS, parser
+from voxkernel.cli.main import main
 from voxkernel.cli.output import display, number, to_json
 
 
@@ -68,8 +68,6 @@ def test_help_names_every_command(capsys):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_help_has_examples_that_parse(name, capsys):
-    from voxkernel.cli.main import _parser
-
     with pytest.raises(SystemExit) as stop:
         main([name, "--help"])
     assert stop.value.code == 0
@@ -80,7 +78,7 @@ def test_command_help_has_examples_that_parse(name, capsys):
         assert line in out
         words = line.split(" > ")[0].split()
         assert words[0] == "voxkernel"
-        assert _parser().parse_args(words[1:]).command == name
+        assert parser().parse_args(words[1:]).command == name
 
 
 def test_version(capsys):
@@ -90,22 +88,17 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"voxkernel {voxkernel.__version__}\n"
 
 
-def test_help_is_quick_and_loads_nothing_heavy():
+def test_help_loads_nothing_heavy():  # how long it takes is measured in benchmarks/test_import_time.py
     code = (
-        "import sys; from voxkernel.cli import main as m\n"
-        "try: m.main(['--help'])\n"
+        "import sys; from voxkernel.cli.main import main\n"
+        "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "print({'scipy', 'open3d', 'pyvista', 'plotly', 'jinja2', 'PIL'} & set(sys.modules), file=sys.stderr)"
+        "print({'numpy', 'scipy', 'open3d', 'pyvista', 'plotly', 'jinja2', 'PIL'} & set(sys.modules), file=sys.stderr)"
     )
     env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True)
+    assert "COMMAND" in done.stdout
     assert done.stderr.strip() == "set()"
-    seconds = []
-    for _ in range(3):
-        started = time.perf_counter()
-        assert process("--help").returncode == 0
-        seconds.append(time.perf_counter() - started)
-    assert min(seconds) < 1.5  # 0.5 s on a quiet machine; the benchmark states it
 
 
 def test_bad_usage(folder, capsys):

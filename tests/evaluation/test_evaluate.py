@@ -563,10 +563,7 @@ def test_settings_that_cannot_be(options, message):
 
 
 @pytest.fixture
-def command(monkeypatch, capsys):
-    if "evaluate" not in cli.COMMANDS:
-        monkeypatch.setattr(cli, "COMMANDS", (*cli.COMMANDS, "evaluate"))
-
+def command(capsys):
     def run(*words):
         try:
             code = cli.main(["evaluate", *map(str, words)])

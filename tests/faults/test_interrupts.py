@@ -218,3 +218,31 @@ def test_command(tmp_path, rough_file, threads, after):
     assert child.returncode == 130, err[-2000:]
     assert "voxkernel: error: interrupted" in err
     assert not list(tmp_path.iterdir())
+
+
+# As the installed script runs it; the signal comes as the named module is about to be imported.
+IMPORTING = """
+import os, signal, sys
+from voxkernel.cli.main import main
+class Interrupt:
+    def find_spec(self, name, *rest):
+        if name == module:
+            os.kill(os.getpid(), number)
+module, number = sys.argv[1], int(sys.argv[2])
+sys.meta_path.insert(0, Interrupt())
+sys.argv = ["voxkernel", "score", sys.argv[3]]
+sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no SIGINT for one child process there")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "module", ["voxkernel.cli.commands", "argparse", "voxkernel.measures", "numpy", "numpy._core.multiarray"]
+)
+def test_while_a_command_is_imported(tmp_path, module, number):
+    vertices, faces = shapes.icosphere(1)
+    voxkernel.as_mesh((vertices, faces)).write(tmp_path / "ball.ply")
+    words = [sys.executable, "-c", IMPORTING, module, str(int(number)), str(tmp_path / "ball.ply")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=HANG)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "voxkernel: error: interrupted\n")

@@ -11,7 +11,7 @@ import shapes
 
 import voxkernel
 from voxkernel import as_mesh
-from voxkernel.cli.main import COMMANDS
+from voxkernel.cli.commands import COMMANDS
 
 # A folder that nobody, not even root, can make or write.
 NOWHERE = "/proc/nowhere"

@@ -666,10 +666,7 @@ def test_words():
 
 
 @pytest.fixture
-def command(monkeypatch, capsys):
-    if "report" not in command_line.COMMANDS:
-        monkeypatch.setattr(command_line, "COMMANDS", (*command_line.COMMANDS, "report"))
-
+def command(capsys):
     def call(*words):
         try:
             code = command_line.main([str(word) for word in words])
