@@ -15,7 +15,7 @@ from voxkernel.relaxed import best_center, violation
 from voxkernel.report import write_report
 from voxkernel.spherical import spherical_map
 from voxkernel.vdb import read_vdb, write_vdb
-from voxkernel.voxels import violation_grid, voxel_kernel
+from voxkernel.voxels import violation_grid, voxel_kernel, voxel_kernels
 
 __all__ = [
     "EvaluateSettings",
@@ -41,6 +41,7 @@ __all__ = [
     "violation_grid",
     "visible_fraction",
     "voxel_kernel",
+    "voxel_kernels",
     "write_report",
     "write_vdb",
 ]
