@@ -40,6 +40,7 @@ NAMES = [
     "violation_grid",
     "visible_fraction",
     "voxel_kernel",
+    "voxel_kernels",
     "write_report",
     "write_vdb",
 ]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from voxkernel.report import write_report
     from voxkernel.spherical import spherical_map
     from voxkernel.vdb import read_vdb, write_vdb
-    from voxkernel.voxels import violation_grid, voxel_kernel
+    from voxkernel.voxels import violation_grid, voxel_kernel, voxel_kernels
 
 __all__ = [
     "EvaluateSettings",
@@ -44,6 +44,7 @@ __all__ = [
     "violation_grid",
     "visible_fraction",
     "voxel_kernel",
+    "voxel_kernels",
     "write_report",
     "write_vdb",
 ]
@@ -73,6 +74,7 @@ _HOMES = {
     "violation_grid": "voxels",
     "visible_fraction": "measures",
     "voxel_kernel": "voxels",
+    "voxel_kernels": "voxels",
     "write_report": "report",
     "write_vdb": "vdb",
 }

@@ -7,7 +7,7 @@ exception class given as ``error`` (a mesh constructor passes ``MeshError``).
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 __all__ = [
     "as_choice",
     "as_depth",
+    "as_each",
     "as_facet_ids",
     "as_indices",
     "as_integers",
@@ -23,6 +24,7 @@ __all__ = [
     "as_points",
     "as_positive",
     "as_real",
+    "as_share",
     "check_index_range",
     "read_only",
 ]
@@ -128,7 +130,10 @@ def as_facet_ids(
     name: str, value: object, *, upper: int, error: type[ValueError] = ValueError
 ) -> NDArray[np.int64]:
     """Sorted unique int64 ids from integer ids in 0..upper-1 or from a bool mask of length `upper`."""
-    raw = np.asarray(value)
+    try:
+        raw = np.asarray(value)
+    except ValueError:
+        raise error(f"`{name}` must have shape (n,); got rows of different lengths") from None
     if raw.dtype.kind == "b":
         if raw.shape != (upper,):
             raise error(f"`{name}` as a mask must have shape ({upper},); got {_shape(raw)}")
@@ -163,6 +168,25 @@ def as_nonnegative(name: str, value: object) -> float:
     if number < 0.0:
         raise ValueError(f"`{name}` must be >= 0; got {number:g}")
     return number
+
+
+def as_share(name: str, value: object) -> float:
+    """Finite float in [0, 1]: a part of a surface by area."""
+    number = as_nonnegative(name, value)
+    if number > 1.0:
+        raise ValueError(f"`{name}` must be at most 1, the whole surface; got {number:g}")
+    return number
+
+
+def as_each(name: str, values: object, check: Callable[[str, object], float]) -> tuple[float, ...]:
+    """One or more numbers, each as `check` makes it; a single number is refused, so that results keep their type."""
+    try:
+        items = list(values)  # type: ignore[call-overload]
+    except TypeError:
+        raise TypeError(f"`{name}` must be a sequence of numbers; got {type(values).__name__}") from None
+    if not items:
+        raise ValueError(f"`{name}` must hold at least one number; got none")
+    return tuple(check(name, item) for item in items)
 
 
 def as_depth(name: str, value: object, lo: int, hi: int) -> int:

@@ -23,7 +23,7 @@ print(f"at the best point {100 * low:.2f} to {100 * high:.2f} % of the area is t
 # --------
 # All tolerances are found in one traversal of the octree. Every grid contains the one before.
 shares = [high + extra for extra in (0.03, 0.06, 0.1, 0.15, 0.2)]
-grids = voxkernel.voxel_kernel(mesh, tolerance=shares, depth=8)
+grids = voxkernel.voxel_kernels(mesh, tolerances=shares, depth=8)
 for grid in grids:
     print(grid)
 profile = voxkernel.defect_profile(mesh, depth=6)

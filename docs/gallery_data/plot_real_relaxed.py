@@ -25,7 +25,7 @@ best = voxkernel.best_center(mesh)
 low, high = best.violation_bounds
 print(f"at the best point {100 * low:.2f} to {100 * high:.2f} % of the area is turned away")
 shares = [high + extra for extra in (0.005, 0.02, 0.06)]
-grids = voxkernel.voxel_kernel(mesh, tolerance=shares, depth=8)
+grids = voxkernel.voxel_kernels(mesh, tolerances=shares, depth=8)
 for grid in grids:
     print(grid)
 

@@ -54,7 +54,7 @@ def test_json_and_exit_code_of_a_misfit(files, capsys):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (["--margin", "2"], "must be between 0 and 1"),
+        (["--margins", "2"], "must be between 0 and 1"),
         (["--max-distance", "0"], "must be > 0"),
         (["-o", "T.txt"], ".json"),
         (["--apply", "SOURCE"], "output must not be an input"),

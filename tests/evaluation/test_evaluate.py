@@ -545,8 +545,8 @@ def test_no_meshes(tmp_path):
     [
         ({"domain": "cone"}, "`domain` must be one of"),
         ({"depth": 2}, "`depth` must be in 3..12; got 2"),
-        ({"tolerances": ()}, "`tolerances` must be one or more shares"),
-        ({"tolerances": (0.5, 1.5)}, "`tolerances` must be one or more shares"),
+        ({"tolerances": ()}, "`tolerances` must hold at least one number; got none"),
+        ({"tolerances": (0.5, 1.5)}, r"`tolerances` must be at most 1, the whole surface; got 1\.5"),
         ({"views": -1}, "`views` must be in"),
         ({"timeout": 0.0}, "`timeout` must be > 0; got 0"),
         ({"workers": 0}, "`workers` must be in 1..4096; got 0"),

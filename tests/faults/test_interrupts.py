@@ -15,7 +15,7 @@ import shapes
 import voxkernel
 from voxkernel import _core
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.surface_arguments import relaxed_domain
+from voxkernel.halfspaces.surface_arguments import surface_argument
 from voxkernel.relaxed.facet_weights import UNITS, weigh
 from voxkernel.relaxed.root_cube import cube_arrays, cube_planes, root_cube
 
@@ -118,7 +118,7 @@ def _relaxed(planes, cube):
 
 
 def _ball(planes):
-    return relaxed_domain(True, voxkernel.as_mesh(shapes.icosphere(2)), "ball")
+    return surface_argument(shapes.icosphere(2)).bounded_domain("ball")
 
 
 def _least(planes, cube):

@@ -8,7 +8,7 @@ import shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from voxkernel import best_center, defect_profile, exact_kernel, violation, voxel_kernel
+from voxkernel import best_center, defect_profile, exact_kernel, violation, voxel_kernel, voxel_kernels
 
 few = settings(max_examples=12)
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
@@ -18,7 +18,7 @@ seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 @given(shapes.integer_meshes(), seeds, st.floats(0.0, 0.6))
 def test_no_voxel_is_wrong(surface, rng, share):
     """Half-integer points: on facet planes as often as not."""
-    grid = voxel_kernel(surface, tolerance=[share], depth=4, frame="principal")[0]
+    grid = voxel_kernels(surface, tolerances=[share], depth=4, frame="principal")[0]
     low, high = surface[0].min(axis=0), surface[0].max(axis=0)
     points = np.concatenate([rng.uniform(low, high, (300, 3)), rng.integers(2 * low, 2 * high + 1, (100, 3)) / 2])
     values = violation(surface, points)
@@ -34,7 +34,7 @@ def test_no_voxel_is_wrong(surface, rng, share):
 @given(shapes.integer_meshes())
 def test_grows_with_the_tolerance(surface):
     shares = [0.0, 0.05, 0.2, 0.21, 0.5, 1.0]
-    grids = voxel_kernel(surface, tolerance=shares, depth=4)
+    grids = voxel_kernels(surface, tolerances=shares, depth=4)
     for small, large in pairwise(grids):
         assert small.inside.difference(large.inside).active_voxel_count == 0
         assert small.volume_bounds[1] <= large.volume_bounds[1]
@@ -43,7 +43,7 @@ def test_grows_with_the_tolerance(surface):
 @few
 @given(shapes.integer_meshes())
 def test_tolerance_zero_is_the_exact_kernel(surface):
-    relaxed = voxel_kernel(surface, tolerance=[0.0], depth=5)[0]
+    relaxed = voxel_kernels(surface, tolerances=[0.0], depth=5)[0]
     kernel = exact_kernel(surface)
     low, high = relaxed.volume_bounds
     assert low <= kernel.volume * (1 + 1e-9)

@@ -160,11 +160,11 @@ def test_mirror_images_are_not_taken_for_each_other(small_face):
 
 
 @pytest.mark.parametrize("make", [lambda: shapes.s_tetromino(0.0), lambda: shapes.notched_cube(0.0), shapes.two_boxes])
-@pytest.mark.parametrize("margin", [0.0, None])
-def test_degenerate_and_empty_kernels_give_an_answer(make, margin):
+@pytest.mark.parametrize("margins", [[0.0], None])
+def test_degenerate_and_empty_kernels_give_an_answer(make, margins):
     vertices, faces = (np.asarray(a) for a in make())
     away = pose(8)
-    found = register((vertices, faces), (moved(away, vertices), faces), margin=margin)
+    found = register((vertices, faces), (moved(away, vertices), faces), margins=margins)
     assert found.converged
     assert found.score > 0.99
     assert np.isfinite(found.T_target_source).all()
@@ -283,14 +283,14 @@ def test_many_surfaces_in_one_and_two_processes(small_face, tmp_path):
 def test_bad_arguments(small_face):
     for options, message in (
         ({"refine": "icp"}, "`refine` must be one of 'point_to_plane', 'point_to_point', 'none'; got 'icp'"),
-        ({"margin": []}, "`margin` must hold at least one number; got none"),
-        ({"margin": -1}, "`margin` must be >= 0"),
+        ({"margins": []}, "`margins` must hold at least one number; got none"),
+        ({"margins": [-1]}, "`margins` must be >= 0"),
         ({"max_distance": 0}, "`max_distance` must be"),
         ({"overlap_steps": 11}, "`overlap_steps` must be"),
     ):
         with pytest.raises(ValueError, match=message):
             register(small_face, small_face, **options)
-    prepared = prepare_surface(boulder(), margin=0.1)
+    prepared = prepare_surface(boulder(), margins=[0.1])
     with pytest.raises(ValueError, match=r"`target` must be prepared with the margins"):
         register(boulder(), prepared)
     for matrix, message in (

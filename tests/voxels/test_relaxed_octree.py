@@ -8,7 +8,7 @@ import pytest
 import shapes
 
 import voxkernel
-from voxkernel import best_center, violation, voxel_kernel
+from voxkernel import best_center, violation, voxel_kernel, voxel_kernels
 from voxkernel.halfspaces import HalfSpaces
 
 CUBE_DOMAIN = (np.r_[np.eye(3), -np.eye(3)], [3.0] * 6)
@@ -88,7 +88,7 @@ def test_far_from_the_origin(rng):
 @pytest.mark.parametrize("name", ["torus", "two_boxes", "l_prism", "height_field", "notched_cube", "open_hemisphere"])
 def test_verdicts(name, frame, rng):
     surface = shapes.KNOWN[name][0]()
-    for grid in voxel_kernel(surface, tolerance=[0.06, 0.17, 0.3], depth=5, frame=frame):
+    for grid in voxel_kernels(surface, tolerances=[0.06, 0.17, 0.3], depth=5, frame=frame):
         assert_verdicts(grid, surface, points_in(grid.domain, rng, 3000))
 
 
@@ -109,7 +109,7 @@ def test_planes_parallel_to_columns_and_through_voxel_corners(rng):
     """Integer solids in a dyadic cube: every plane runs along voxel faces."""
     surface = shapes.plus_cross()
     domain = (np.r_[np.eye(3), -np.eye(3)], [4.0, 4, 4, 4, 4, 4])
-    for grid in voxel_kernel(surface, tolerance=[0.0, 0.1, 0.2, 0.4], depth=5, domain=domain):
+    for grid in voxel_kernels(surface, tolerances=[0.0, 0.1, 0.2, 0.4], depth=5, domain=domain):
         assert_verdicts(grid, surface, points_in(grid.domain, rng, 3000))
 
 
@@ -126,7 +126,7 @@ def assert_same_grid(one, two):
 def test_one_traversal_gives_what_single_ones_give():
     surface = shapes.torus()
     shares = [0.3, 0.2, 0.25, 0.2]
-    together = voxel_kernel(surface, tolerance=shares, depth=6)
+    together = voxel_kernels(surface, tolerances=shares, depth=6)
     assert [g.tolerance for g in together] == shares
     for share, grid in zip(shares, together, strict=True):
         assert_same_grid(grid, voxel_kernel(surface, tolerance=share, depth=6))
@@ -135,8 +135,8 @@ def test_one_traversal_gives_what_single_ones_give():
 @pytest.mark.parametrize("depth", [3, 5, 7])
 def test_threads_do_not_change_anything(depth):
     surface = shapes.spiky(2)
-    one = voxel_kernel(surface, tolerance=[0.02, 0.1], depth=depth)
-    two = voxel_kernel(surface, tolerance=[0.02, 0.1], depth=depth, threads=3)
+    one = voxel_kernels(surface, tolerances=[0.02, 0.1], depth=depth)
+    two = voxel_kernels(surface, tolerances=[0.02, 0.1], depth=depth, threads=3)
     for a, b in zip(one, two, strict=True):
         assert_same_grid(a, b)
 
@@ -175,7 +175,7 @@ def test_margin():
 
 def test_a_single_facet():
     one = ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    none, all_of_it = voxel_kernel(one, tolerance=[0.5, 1.0], depth=5)
+    none, all_of_it = voxel_kernels(one, tolerances=[0.5, 1.0], depth=5)
     assert none.domain.kind == "ball"
     assert none.volume_bounds[0] <= 0.5 * none.domain.volume <= none.volume_bounds[1]
     assert all_of_it.volume_bounds[0] <= none.domain.volume <= all_of_it.volume_bounds[1]
@@ -183,7 +183,7 @@ def test_a_single_facet():
 
 def test_all_on_one_plane_from_both_sides():
     vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    grid = voxel_kernel((vertices, [(0, 1, 2), (0, 2, 3), (0, 2, 1), (0, 3, 2)]), tolerance=[0.4, 0.6], depth=4)
+    grid = voxel_kernels((vertices, [(0, 1, 2), (0, 2, 3), (0, 2, 1), (0, 3, 2)]), tolerances=[0.4, 0.6], depth=4)
     assert grid[0].domain.kind == "ball"
     assert grid[0].active_voxel_count == 0
     assert grid[0].contains([(0.5, 0.5, 0)])[0] == 0  # the plane itself, at any depth
@@ -198,7 +198,7 @@ def test_zero_weights():
 
 
 def test_grid_operations_work_between_tolerances():
-    small, large = voxel_kernel(shapes.torus(), tolerance=[0.3, 0.35], depth=6)
+    small, large = voxel_kernels(shapes.torus(), tolerances=[0.3, 0.35], depth=6)
     assert small.inside.difference(large.inside).active_voxel_count == 0
     assert small.inside.intersection(large.inside).active_voxel_count == small.active_voxel_count
     assert len(large.to_mesh().faces) > 0

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--picture", metavar="FILE", help="surfaces and kernels before and after: .html or .png")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
-        "--margin", type=_share, nargs="+", metavar="M",
+        "--margins", type=_share, nargs="+", metavar="M",
         help="margins of the relaxed kernels, shares of the area; 0.06 0.1 0.15 by default",
     )  # fmt: skip
     parser.add_argument(
@@ -64,9 +64,9 @@ def run(args: argparse.Namespace) -> int:
 
     from voxkernel.registration import prepare_surface, register
 
-    source, target = (prepare_surface(path, margin=args.margin) for path in (args.source, args.target))
+    source, target = (prepare_surface(path, margins=args.margins) for path in (args.source, args.target))
     found = register(
-        source, target, margin=args.margin, refine=args.refine, max_distance=args.max_distance,
+        source, target, margins=args.margins, refine=args.refine, max_distance=args.max_distance,
         overlap_steps=args.overlap_steps,
     )  # fmt: skip
     document = {"source": args.source, "target": args.target, **found.to_dict()}

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel.evaluation.settings import EvaluateSettings
-from voxkernel.halfspaces.domain import as_domain
 from voxkernel.measures import Starshapeness
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.polygons import without_strays
@@ -33,8 +32,9 @@ def pictures(
     kernel: Any = score.kernel
     if kernel.is_empty:
         tolerance = min(1.0, score.violation_bounds[1] + _MARGIN)
-        domain = as_domain(settings.domain, mesh)
-        kernel = voxel_kernel(mesh, tolerance=[tolerance], depth=settings.depth, domain=domain, frame="principal")[0]
+        kernel = voxel_kernel(
+            mesh, tolerance=tolerance, depth=settings.depth, domain=settings.domain, frame="principal"
+        )
     scene = make_scene(mesh, kernel)
     files: dict[str, bytes] = {}
     if settings.thumbnails:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from voxkernel._checks import as_choice, as_depth, as_nonnegative, as_positive
+from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 
@@ -87,10 +87,7 @@ class EvaluateSettings:
             as_choice("domain", self.domain, ("ball", "hull", "box"))
         as_positive("gap", self.gap)
         as_depth("depth", self.depth, 3, 12)
-        tolerances = tuple(as_nonnegative("tolerances", v) for v in self.tolerances)
-        if not tolerances or max(tolerances) > 1.0:
-            raise ValueError(f"`tolerances` must be one or more shares of at most 1; got {tolerances}")
-        object.__setattr__(self, "tolerances", tolerances)
+        object.__setattr__(self, "tolerances", as_each("tolerances", self.tolerances, as_share))
         if self.energies is not None:
             as_depth("energies", self.energies, 0, 256)
         if self.views != "all":

@@ -12,7 +12,7 @@ from voxkernel.exact.domain_cut import is_bounded, is_cut
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, rational_shape, solid_shape
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
-from voxkernel.halfspaces.surface_arguments import resolve_surface
+from voxkernel.halfspaces.surface_arguments import EXACT, surface_argument
 
 __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 
@@ -66,8 +66,8 @@ def exact_kernel(surface: Any, *, facets: Any = None, domain: Any = None) -> Ker
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    halfspaces, region = resolve_surface(surface, facets=facets, domain=domain)
-    return kernel_of_halfspaces(halfspaces, region)
+    found = surface_argument(surface, facets)
+    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT))
 
 
 def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> KernelPolytope:

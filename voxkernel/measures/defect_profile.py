@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_nonnegative, read_only
+from voxkernel._checks import as_depth, as_each, as_share, read_only
 from voxkernel.halfspaces import Domain
-from voxkernel.halfspaces.domain import surface_frame
-from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
-from voxkernel.mesh import TriangleMesh
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import MIN_DEPTH, root_cube
 from voxkernel.voxels.relaxed_octree import relaxed_cells_of
@@ -115,28 +113,23 @@ def defect_profile(
     >>> low > 0.8, high
     (True, 1.0)
     """
-    halfspaces, mesh = halfspaces_of(surface, facets)
-    values = np.array(_PROFILE if tolerances is None else tolerances, dtype=np.float64)
-    if values.ndim != 1 or not len(values):
-        raise ValueError(f"`tolerances` must have shape (k,) with k > 0; got {values.shape}")
-    if max(as_nonnegative("tolerances", v) for v in values) > 1.0:
-        raise ValueError(f"`tolerances` must be at most 1, the whole surface; got {values.max():g}")
+    found = surface_argument(surface, facets)
+    values = np.array(as_each("tolerances", _PROFILE if tolerances is None else tolerances, as_share))
     levels = as_depth("depth", depth, MIN_DEPTH, 20)
-    planes = weigh(halfspaces)
-    region = relaxed_domain(planes.is_closed, mesh, domain)
-    return profile_of_planes(planes, mesh, region, values, levels, as_depth("threads", threads, 1, 256))
+    n_threads = as_depth("threads", threads, 1, 256)
+    return profile_of_planes(weigh(found.halfspaces), found, found.bounded_domain(domain), values, levels, n_threads)
 
 
 def profile_of_planes(
     planes: WeighedPlanes,
-    mesh: TriangleMesh | None,
+    surface: SurfaceArgument,
     region: Domain,
     values: NDArray[np.float64],
     depth: int,
     threads: int,
 ) -> DefectProfile:
     """Count the voxels of all relaxed kernels."""
-    cube, _ = root_cube(region.vertices, np.eye(3) if mesh is None else surface_frame(mesh)[1])
+    cube, _ = root_cube(region.vertices, surface.own_axes())
     cells = relaxed_cells_of(planes, region, cube, depth, [float(v) for v in values], threads=threads, count_only=True)
     voxel = (cube.edge / 2**depth) ** 3 / region.volume
     shares = np.array(

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_positive
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
-from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.surface_arguments import relaxed_domain, resolve_surface
+from voxkernel.halfspaces import Domain, HalfSpaces
+from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceArgument, surface_argument
 from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
 from voxkernel.measures.visibility import VisibleFraction, visible_fraction
 from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.relaxed import StarCenter
 from voxkernel.relaxed.best_center import center_of_planes
-from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
+from voxkernel.relaxed.facet_weights import weigh
 
 __all__ = ["Starshapeness", "starshapeness"]
 
@@ -179,7 +179,8 @@ def starshapeness(
     ('star-shaped', 1.0)
     """
     mesh = as_mesh(surface, facets=facets)
-    halfspaces, region = resolve_surface(mesh, domain=domain)
+    argument = surface_argument(mesh)
+    halfspaces, region = argument.halfspaces, argument.domain(domain, EXACT)
     kernel = kernel_of_halfspaces(halfspaces, region)
     notes = _notes(halfspaces, kernel)
     certificate, center, clearance = kernel.certificate, kernel.deepest_point, kernel.clearance
@@ -198,12 +199,11 @@ def starshapeness(
         # Locally convex at every edge and wound once (the volumes agree) is convex.
         ratio = 1.0 if not closed or is_locally_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
     share = as_positive("gap", gap)
-    planes = weigh(halfspaces)
     if kernel.dimension >= 0:
         star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
     else:
-        star = center_of_planes(planes, mesh, region, share)
-    extra = _detail(mesh, planes, region, star.point) if detail else (None, None)
+        star = center_of_planes(weigh(halfspaces), argument, region, share)
+    extra = _detail(argument, mesh, region, star.point) if detail else (None, None)
     return Starshapeness(
         "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
         ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
@@ -214,11 +214,11 @@ def starshapeness(
 
 
 def _detail(
-    mesh: TriangleMesh, planes: WeighedPlanes, domain: Any, point: NDArray[np.float64]
+    surface: SurfaceArgument, mesh: TriangleMesh, domain: Domain | None, point: NDArray[np.float64]
 ) -> tuple[VisibleFraction, DefectProfile]:
     """Cast rays from the star centre and measure a few relaxed kernels."""
-    region = relaxed_domain(planes.is_closed, mesh, domain)
-    profile = profile_of_planes(planes, mesh, region, np.array(_TOLERANCES), PROFILE_DEPTH, 1)
+    planes, region = weigh(surface.halfspaces), surface.bounded_domain(domain)
+    profile = profile_of_planes(planes, surface, region, np.array(_TOLERANCES), PROFILE_DEPTH, 1)
     return visible_fraction(mesh, point), profile
 
 

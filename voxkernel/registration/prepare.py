@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._open3d import open3d
-from voxkernel.halfspaces import HalfSpaces, ball_domain
+from voxkernel.halfspaces import HalfSpaces
 from voxkernel.halfspaces.domain import surface_frame
+from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
 from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
 from voxkernel.relaxed import best_center
-from voxkernel.voxels import KernelGrid, voxel_kernel
+from voxkernel.voxels import KernelGrid, voxel_kernels
 
 __all__ = ["PreparedSurface", "Samples", "prepare"]
 
@@ -95,9 +96,10 @@ def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tu
     if not margins:
         return ()
     mesh = TriangleMesh.from_triangles(*surface, source="smoothed surface")
-    ball = ball_domain(mesh)
+    ball = surface_argument(mesh).domain(None, REGISTRATION)
+    # Not `margins`, which are counted from the least violation to 1e-4: this is near enough.
     least = best_center(mesh, gap=_CENTER_GAP, domain=ball).violation_bounds[1]
-    return voxel_kernel(mesh, depth=KERNEL_DEPTH, tolerance=[min(1.0, least + m) for m in margins], domain=ball)
+    return voxel_kernels(mesh, tolerances=[min(1.0, least + m) for m in margins], depth=KERNEL_DEPTH, domain=ball)
 
 
 def _legacy(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:

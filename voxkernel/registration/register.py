@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_nonnegative, as_positive, read_only
+from voxkernel._checks import as_depth, as_each, as_nonnegative, as_positive, read_only
 from voxkernel._open3d import open3d
 from voxkernel.exact import KernelPolytope
 from voxkernel.measures import KernelMoments, kernel_points
@@ -42,7 +42,7 @@ def register(
     source: Any,
     target: Any,
     *,
-    margin: float | Sequence[float] | None = None,
+    margins: Sequence[float] | None = None,
     refine: Refine = "point_to_plane",
     max_distance: float | None = None,
     overlap_steps: int = 0,
@@ -54,8 +54,8 @@ def register(
     source, target : mesh, path, (vertices, faces) or PreparedSurface
         Anything `as_mesh` takes, or what `prepare_surface` made of it with the same margins. Facets of both
         must be turned the same way.
-    margin : float or sequence of float, optional
-        Margins of the relaxed kernels above the smallest violation, as in `voxel_kernel`; several are computed
+    margins : sequence of float, optional
+        Margins of the relaxed kernels above the smallest violation, which is found to 2e-3, >= 0; they are computed
         in one traversal and the one whose motion fits the surfaces best wins. 0.06, 0.1 and 0.15 by default.
     refine : {"point_to_plane", "point_to_point", "none"}
         ICP on the surfaces after the kernels, or none.
@@ -103,7 +103,7 @@ def register(
     >>> bool(np.allclose(found.T_target_source[:3, :3], quarter.T, atol=1e-9)), found.ambiguous
     (True, False)
     """
-    margins = _margins(margin)
+    margins = _margins(margins)
     if refine not in get_args(Refine):
         raise ValueError(f"`refine` must be one of {', '.join(map(repr, get_args(Refine)))}; got {refine!r}")
     near = None if max_distance is None else as_positive("max_distance", max_distance)
@@ -124,14 +124,14 @@ def register(
     return _wrapped(one, two, found, flipped, near)
 
 
-def prepare_surface(surface: Any, *, margin: float | Sequence[float] | None = None) -> PreparedSurface:
+def prepare_surface(surface: Any, *, margins: Sequence[float] | None = None) -> PreparedSurface:
     """Do once what registration needs of a surface: samples, normals and relaxed kernels.
 
     Parameters
     ----------
     surface : mesh, path or (vertices, faces)
         Anything `as_mesh` takes.
-    margin : float or sequence of float, optional
+    margins : sequence of float, optional
         As for `register`.
 
     Returns
@@ -144,7 +144,7 @@ def prepare_surface(surface: Any, *, margin: float | Sequence[float] | None = No
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
     """
-    return prepare(as_mesh(surface), _margins(margin))
+    return prepare(as_mesh(surface), _margins(margins))
 
 
 def frame_candidates(source: KernelMoments, target: KernelMoments) -> NDArray[np.float64]:
@@ -298,14 +298,9 @@ def _wrapped(
     )  # fmt: skip
 
 
-def _margins(margin: Any) -> tuple[float, ...]:
-    """Check one margin or several; they are used in ascending order."""
-    if margin is None:
-        return _MARGINS
-    values = sorted({as_nonnegative("margin", v) for v in np.atleast_1d(np.asarray(margin, dtype=object)).ravel()})
-    if not values:
-        raise ValueError("`margin` must hold at least one number; got none")
-    return tuple(values)
+def _margins(margins: Any) -> tuple[float, ...]:
+    """Check the margins; they are used in ascending order."""
+    return _MARGINS if margins is None else tuple(sorted(set(as_each("margins", margins, as_nonnegative))))
 
 
 def _prepared(name: str, surface: Any, margins: tuple[float, ...]) -> PreparedSurface:

@@ -52,7 +52,7 @@ def register_many(
     reference: int = 0,
     workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
-    margin: float | Sequence[float] | None = None,
+    margins: Sequence[float] | None = None,
     refine: Literal["point_to_plane", "point_to_point", "none"] = "point_to_plane",
     max_distance: float | None = None,
     overlap_steps: int = 0,
@@ -71,7 +71,7 @@ def register_many(
         Processes, 1 to 256; 1 works in this one. The answers do not depend on it.
     progress : callable, optional
         Called with the number of steps done and of all steps: a surface and a pair are one each.
-    margin, refine, max_distance, overlap_steps : optional
+    margins, refine, max_distance, overlap_steps : optional
         As for `register`.
 
     Returns
@@ -103,10 +103,10 @@ def register_many(
             progress(done, total)
 
     options: dict[str, Any] = {
-        "margin": margin, "refine": refine, "max_distance": max_distance, "overlap_steps": overlap_steps
+        "margins": margins, "refine": refine, "max_distance": max_distance, "overlap_steps": overlap_steps
     }  # fmt: skip
     if n_workers == 1:
-        ready = _in_turn([(_prepared, (surfaces[i], margin)) for i in used], tick, 0)
+        ready = _in_turn([(_prepared, (surfaces[i], margins)) for i in used], tick, 0)
         known = dict(zip(used, ready, strict=True))
         answers = _in_turn([(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
     else:
@@ -114,7 +114,7 @@ def register_many(
         from multiprocessing import get_context
 
         with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
-            ready = _at_once(pool, [(_prepared, (surfaces[i], margin)) for i in used], tick, 0)
+            ready = _at_once(pool, [(_prepared, (surfaces[i], margins)) for i in used], tick, 0)
             known = dict(zip(used, ready, strict=True))
             answers = _at_once(pool, [(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
     return tuple(
@@ -143,10 +143,10 @@ def _check(name: str, position: int, count: int) -> None:
         raise ValueError(f"`{name}` must be positions from 0 to {count - 1}; got {position}")
 
 
-def _prepared(surface: Any, margin: Any) -> Any:
+def _prepared(surface: Any, margins: Any) -> Any:
     """Prepare one surface, or say why not."""
     try:
-        return prepare_surface(surface, margin=margin)
+        return prepare_surface(surface, margins=margins)
     except (VoxKernelError, OSError, TypeError, MemoryError) as error:
         return str(error) or type(error).__name__
 

@@ -12,10 +12,8 @@ from voxkernel._checks import as_positive, read_only
 from voxkernel._core import least_violated
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
-from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
-from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
-from voxkernel.mesh import TriangleMesh
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.mesh.polygons import used_vertices
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
@@ -138,18 +136,18 @@ def best_center(
         raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
     default = GAP if relative_gap is None else 0.0
     share = default if gap is None else min(1.0, as_positive("gap", gap))
-    halfspaces, mesh = halfspaces_of(surface, facets)
-    return center_of_planes(weigh(halfspaces, weights, mesh=mesh), mesh, domain, share, ratio)
+    found = surface_argument(surface, facets)
+    return center_of_planes(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, share, ratio)
 
 
 def center_of_planes(
-    planes: WeighedPlanes, mesh: TriangleMesh | None, domain: Any, gap: float, ratio: float = 0.0
+    planes: WeighedPlanes, surface: SurfaceArgument, domain: Any, gap: float, ratio: float = 0.0
 ) -> StarCenter:
-    """Find the least violated point of weighed planes; `domain` is an argument or a Domain."""
+    """Find the least violated point of the weighed planes of a surface; `domain` is an argument or a Domain."""
     facets = planes.facets
-    region = None
-    if domain is not None or mesh is None or not planes.is_closed:
-        region = relaxed_domain(planes.is_closed, mesh, domain)
+    # The kernel of a closed surface needs no domain; whether there is one is known before its hull is made.
+    is_inside = domain is None and surface.mesh is not None and surface.halfspaces.bounds_volume
+    region = None if is_inside else surface.bounded_domain(domain)
     every = facets if region is None else facets.with_planes(region.normals, region.offsets)
     verdict = find_feasibility(every)
     if verdict.dimension >= 0:
@@ -159,8 +157,8 @@ def center_of_planes(
     held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
     known = float(planes.shares[held].min()) if held else 0.0
     if region is None:
-        region = relaxed_domain(planes.is_closed, mesh, None)
-    point, best, lower, n_cells = _searched(planes, mesh, region, gap, ratio)
+        region = surface.bounded_domain(None)
+    point, best, lower, n_cells = _searched(planes, surface, region, gap, ratio)
     low, high = planes.share_bounds(lower, best)
     low = min(high, max(low, known))
     close = high - low <= max(gap, ratio * high) + 4 * planes.slack / UNITS
@@ -169,11 +167,11 @@ def center_of_planes(
 
 
 def _searched(
-    planes: WeighedPlanes, mesh: TriangleMesh | None, region: Domain, gap: float, ratio: float
+    planes: WeighedPlanes, surface: SurfaceArgument, region: Domain, gap: float, ratio: float
 ) -> tuple[NDArray[np.float64], int, int, int]:
     """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
-    axes = np.eye(3) if mesh is None else surface_frame(mesh)[1]
-    cube = _skew_cube(region, axes)
+    mesh = surface.mesh
+    cube = _skew_cube(region, surface.own_axes())
     arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
     blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     point = region.vertices.mean(axis=0)

@@ -27,14 +27,13 @@ class WeighedPlanes:
     """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
 
     `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from that of the true
-    shares by at most `slack` units. `is_closed` says whether all the facets together bound a volume.
+    shares by at most `slack` units.
     """
 
     facets: HalfSpaces
     weights: NDArray[np.int64]
     shares: NDArray[np.float64]
     slack: int
-    is_closed: bool
 
     def share_bounds(self, low: int, high: int) -> tuple[float, float]:
         """Turn sums of weights into certain bounds on shares of the whole; 0 stays 0."""
@@ -71,7 +70,7 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
     ValueError
         If the weights have the wrong shape, are negative or not finite, or are all zero.
     """
-    values, is_closed = _plane_weights(halfspaces, weights, mesh), halfspaces.bounds_volume
+    values = _plane_weights(halfspaces, weights, mesh)
     if not values.any():
         raise ValueError("`weights` must have one above 0; got only zeros")
     if not values.all():
@@ -87,7 +86,7 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
         sums = np.zeros(len(groups), np.int64)
         np.add.at(sums, groups, units)
         halfspaces, units, shares = halfspaces.select(heads), sums[heads], shares[heads]
-    return WeighedPlanes(halfspaces, units, shares, slack, is_closed)
+    return WeighedPlanes(halfspaces, units, shares, slack)
 
 
 def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | None) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_depth, as_points
 from voxkernel._core import StopFlag, violated_weights
 from voxkernel._threads import run_parts
-from voxkernel.halfspaces.surface_arguments import halfspaces_of
+from voxkernel.halfspaces.surface_arguments import surface_argument
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 
 __all__ = ["Weights", "violated_units", "violation"]
@@ -72,8 +72,8 @@ def violation(
     """
     xyz = as_points("points", points)
     n_threads = as_depth("threads", threads, 1, 256)
-    halfspaces, mesh = halfspaces_of(surface, facets)
-    units = violated_units(weigh(halfspaces, weights, mesh=mesh), xyz, threads=n_threads)
+    found = surface_argument(surface, facets)
+    units = violated_units(weigh(found.halfspaces, weights, mesh=found.mesh), xyz, threads=n_threads)
     return units / UNITS
 
 

@@ -14,7 +14,7 @@ from voxkernel._core import directions_and_radii
 from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
-from voxkernel.halfspaces.surface_arguments import resolve_surface
+from voxkernel.halfspaces.surface_arguments import EXACT, surface_argument
 from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.polygons import triangle_areas, used_vertices
 from voxkernel.relaxed import best_center
@@ -315,7 +315,8 @@ def _relaxed_notes(found: Any) -> tuple[str, ...]:
 
 
 def _from_kernel(mesh: TriangleMesh, kind: str, margin: float, domain: Any) -> SphericalMap:
-    halfspaces, region = resolve_surface(mesh, domain=domain)
+    argument = surface_argument(mesh)
+    halfspaces, region = argument.halfspaces, argument.domain(domain, EXACT)
     kernel = kernel_of_halfspaces(halfspaces, region)
     if kernel.is_empty:
         ids = ", ".join(str(i) for i in kernel.certificate.facet_ids if i >= 0)

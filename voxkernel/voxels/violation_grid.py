@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
-
-from voxkernel._checks import as_choice, as_depth, as_nonnegative
+from voxkernel._checks import as_depth, as_nonnegative, as_share
 from voxkernel._core import violation_cells
 from voxkernel.grid import SparseGrid
-from voxkernel.halfspaces.domain import surface_frame
-from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
+from voxkernel.halfspaces.surface_arguments import Frame, surface_argument
 from voxkernel.relaxed.best_center import GAP, center_of_planes
 from voxkernel.relaxed.facet_weights import UNITS, weigh
 from voxkernel.relaxed.root_cube import MIN_DEPTH, cube_arrays, root_cube
@@ -27,7 +24,7 @@ def violation_grid(
     tolerance: float | None = None,
     margin: float | None = None,
     domain: Any = None,
-    frame: Literal["world", "principal"] = "world",
+    frame: Frame = "world",
     facets: Any = None,
 ) -> SparseGrid:
     """Sample the violation near its minimum as a sparse field of floats.
@@ -77,19 +74,16 @@ def violation_grid(
     """
     if tolerance is not None and margin is not None:
         raise ValueError("`margin` must not be given together with `tolerance`; got both")
-    as_choice("frame", frame, ("world", "principal"))
     levels = as_depth("depth", depth, MIN_DEPTH, 9)
-    halfspaces, mesh = halfspaces_of(surface, facets)
-    if mesh is None and frame == "principal":
-        raise ValueError("`frame` must be 'world' for half-spaces; got 'principal'")
-    planes = weigh(halfspaces)
-    region = relaxed_domain(planes.is_closed, mesh, domain)
+    found = surface_argument(surface, facets)
+    axes = found.axes(frame)
+    planes = weigh(found.halfspaces)
+    region = found.bounded_domain(domain)
     if tolerance is None:
-        least = center_of_planes(planes, mesh, region, GAP).violation_bounds[1]
+        least = center_of_planes(planes, found, region, GAP).violation_bounds[1]
         share = least + (_MARGIN if margin is None else as_nonnegative("margin", margin))
     else:
-        share = as_nonnegative("tolerance", tolerance)
-    axes = np.eye(3) if mesh is None or frame == "world" else surface_frame(mesh)[1]
+        share = as_share("tolerance", tolerance)
     cube, _ = root_cube(region.vertices, axes)
     normals, offsets, reach, pads, weights, n_domain = cube_arrays(planes, region, cube, levels)
     most = int(min(share, 1.0) * UNITS) + planes.slack
