@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, read_only
+from voxkernel._plain import plain
 from voxkernel.halfspaces import Domain
 from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
@@ -57,12 +58,12 @@ class DefectProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers, ready for JSON."""
-        return {
-            "tolerances": self.tolerances.tolist(),
-            "volume_share_bounds": self.volume_share_bounds.tolist(),
+        return plain({
+            "tolerances": self.tolerances,
+            "volume_share_bounds": self.volume_share_bounds,
             "domain": self.domain.kind,
             "depth": self.depth,
-        }
+        })
 
 
 def defect_profile(
