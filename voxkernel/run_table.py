@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from voxkernel._input_file import check_stored_file
+from voxkernel._output_file import is_unfinished, whole_file
+from voxkernel._plain import json_text
 
 __all__ = [
     "COLUMNS", "csv_line", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows",
@@ -52,7 +54,6 @@ COLUMNS = {
     "content_hash": "string", "settings_hash": "string", "settings": "string", "versions": "string",
 }  # fmt: skip
 
-_UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.tmp")
 # What makes a spreadsheet take a cell for a formula, also behind apostrophes, so that each text has its own cell.
 _FORMULA = re.compile("'*[=+\\-@\t\r\n\0＝＋－＠]")
 
@@ -100,17 +101,8 @@ def write_bytes(fs: Any, path: str, data: bytes) -> None:
     if not is_local(fs):
         fs.pipe_file(path, data)  # one put: the object appears when it is complete
         return
-    hidden = posixpath.join(posixpath.dirname(path), f".{uuid.uuid4().hex}.tmp")  # as _UNFINISHED says
-    try:
-        with open(hidden, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(hidden, path)
-    except BaseException:
-        if os.path.exists(hidden):
-            os.unlink(hidden)
-        raise
+    with whole_file(path, durable=True) as stream:
+        stream.write(data)
 
 
 def write_part(fs: Any, run_path: str, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -218,13 +210,13 @@ def remove_unfinished(run_path: str) -> None:
     for folder in ("", "rows", "thumbnails", "views"):
         place = os.path.join(run_path, folder)
         for name in os.listdir(place) if os.path.isdir(place) else ():
-            if _UNFINISHED.fullmatch(name):
+            if is_unfinished(name):
                 os.unlink(os.path.join(place, name))
 
 
 def write_settings(fs: Any, run_path: str, settings: Mapping[str, Any]) -> None:
     """Write `settings.json` of a run."""
-    text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
+    text = json_text(settings, indent=1, sort_keys=True) + "\n"
     write_bytes(fs, posixpath.join(run_path, "settings.json"), text.encode())
 
 
@@ -270,7 +262,7 @@ def csv_line(values: Sequence[Any]) -> str:
     import csv
     import io
 
-    cells = [defused(v) if isinstance(v, str) else json.dumps(v) if isinstance(v, list) else v for v in values]
+    cells = [defused(v) if isinstance(v, str) else json_text(v) if isinstance(v, list) else v for v in values]
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\r\n").writerow(cells)
     return text.getvalue().removesuffix("\r\n") + "\n"

@@ -13,7 +13,7 @@ from voxkernel.cli.output import (
     print_json,
     print_table,
     say,
-    to_json,
+    write_json,
 )
 
 HELP = "the point that faces the most of a mesh"
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         for share, (lower, upper) in zip(profile.tolerances, profile.volume_share_bounds, strict=True):
             rows[f"volume at {number(share)}"] = f"{number(lower)} to {number(upper)} of the domain"
     if output is not None:
-        Path(output).write_text(to_json(document) + "\n", encoding="utf-8")
+        write_json(Path(output), document)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.output import check_folder, display, number, print_table, say, to_json
+from voxkernel.cli.output import check_folder, display, number, print_table, say, write_json
 
 HELP = "score and draw shapes made by formula; a first look"
 DESCRIPTION = (
@@ -70,7 +70,7 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
     seconds = time.perf_counter() - started
     mesh.write(folder / f"{shape.name}.ply")
     write_polygon_ply(score.kernel, folder / f"{shape.name}-kernel.ply")
-    (folder / f"{shape.name}-kernel.json").write_text(to_json(score.kernel.to_dict()) + "\n", encoding="utf-8")
+    write_json(folder / f"{shape.name}-kernel.json", score.kernel.to_dict())
     picture = folder / f"{shape.name}.png"
     surface_picture(mesh, score.kernel, picture, title=shape.title)
     return {

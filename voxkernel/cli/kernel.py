@@ -14,7 +14,7 @@ from voxkernel.cli.output import (
     print_json,
     print_table,
     say,
-    to_json,
+    write_json,
 )
 
 HELP = "the kernel of a mesh, exact or as voxels"
@@ -167,7 +167,7 @@ def _grid_rows(document: dict[str, Any]) -> dict[str, str]:
 def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
     suffix = path.suffix.lower()
     if suffix == ".json":
-        path.write_text(to_json(document) + "\n", encoding="utf-8")
+        write_json(path, document)
     elif suffix == ".npz":
         from voxkernel.cli.kernel_files import write_grid_file
 

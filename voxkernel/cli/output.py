@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
@@ -10,9 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from voxkernel._plain import json_text
+
 __all__ = [
     "UsageError", "check_folder", "check_output", "display", "number", "print_json",
-    "print_table", "report_error", "say", "table_row",
+    "print_table", "report_error", "say", "table_row", "to_json", "write_json",
 ]  # fmt: skip
 
 
@@ -62,17 +63,12 @@ def print_json(document: Any) -> None:
 
 def to_json(document: Any) -> str:
     """Write JSON that any parser accepts."""
-    return json.dumps(_plain(document), indent=2, allow_nan=False)
+    return json_text(document, indent=2)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def write_json(path: Path, document: Any) -> None:
+    """Write one JSON document to a file, as `print_json` prints it."""
+    path.write_text(to_json(document) + "\n", encoding="utf-8")
 
 
 def check_output(path: str, suffixes: Sequence[str]) -> Path:

@@ -14,7 +14,7 @@ from voxkernel.cli.output import (
     print_json,
     print_table,
     say,
-    to_json,
+    write_json,
 )
 
 HELP = "the rigid motion that lays one surface on another"
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     )  # fmt: skip
     document = {"source": args.source, "target": args.target, **found.to_dict()}
     if output is not None:
-        output.write_text(to_json(document) + "\n", encoding="utf-8")
+        write_json(output, document)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if moved is not None:
         _moved(source.mesh, found).write(moved)

@@ -14,7 +14,7 @@ from voxkernel.cli.output import (
     print_json,
     print_table,
     say,
-    to_json,
+    write_json,
 )
 
 HELP = "a mesh as a radius on the sphere, from its best centre"
@@ -130,7 +130,7 @@ def _rows(sphere: Any, document: dict[str, Any]) -> dict[str, str]:
 def _write(sphere: Any, samples: Any, document: dict[str, Any], path: Path, degree: int) -> None:
     suffix = path.suffix.lower()
     if suffix == ".json":
-        path.write_text(to_json(document) + "\n", encoding="utf-8")
+        write_json(path, document)
     elif suffix == ".ply":
         samples.reconstruct().write(path)
     else:

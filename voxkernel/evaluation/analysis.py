@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from voxkernel._plain import plain
 from voxkernel.evaluation.settings import EvaluateSettings
 from voxkernel.measures import Starshapeness, defect_profile, starshapeness
 from voxkernel.mesh import MeshFacts, TriangleMesh, as_mesh
@@ -106,9 +106,9 @@ def _of_facts(facts: MeshFacts) -> dict[str, Any]:
     return {
         **{name: getattr(facts, name) for name in same},
         "n_degenerate": len(facts.degenerate_facets),
-        "area": _finite(facts.area),
-        "enclosed_volume": _finite(facts.volume),
-        "diagonal": _finite(facts.diagonal),
+        "area": plain(facts.area),
+        "enclosed_volume": plain(facts.volume),
+        "diagonal": plain(facts.diagonal),
     }
 
 
@@ -119,13 +119,13 @@ def _of_score(score: Starshapeness) -> dict[str, Any]:
         "verdict": score.verdict,
         "verdict_reason": score.reason,
         "dimension": score.dimension,
-        "ratio": _finite(score.ratio),
-        "volume": _finite(score.volume),
-        "volume_lower": _finite(score.volume_bounds[0]),
-        "volume_upper": _finite(score.volume_bounds[1]),
+        "ratio": plain(score.ratio),
+        "volume": plain(score.volume),
+        "volume_lower": plain(score.volume_bounds[0]),
+        "volume_upper": plain(score.volume_bounds[1]),
         "reference": score.reference,
-        "reference_volume": _finite(score.reference_volume),
-        "clearance": _finite(score.clearance),
+        "reference_volume": plain(score.reference_volume),
+        "clearance": plain(score.clearance),
         "domain": None if domain is None else domain.kind,
         "cut_by_domain": score.kernel.cut_by_domain,
         **dict(zip(("center_x", "center_y", "center_z"), center, strict=True)),
@@ -155,7 +155,7 @@ def _relaxed(mesh: TriangleMesh, score: Starshapeness, settings: EvaluateSetting
         from voxkernel.spherical import spherical_map
 
         seen_from = spherical_map(mesh, center=score.star_center)
-        row["energies"] = [_finite(v) for v in seen_from.harmonics(settings.energies).energies.tolist()]
+        row["energies"] = plain(seen_from.harmonics(settings.energies).energies)
     return row
 
 
@@ -177,15 +177,11 @@ def _cells_of(path: str) -> Analysis | None:
     rows = kernels.to_rows()
     for row, volume, diameter in zip(rows, kernels.volume.tolist(), kernels.diameter.tolist(), strict=True):
         row |= {
-            "enclosed_volume": _finite(volume),
-            "diagonal": _finite(diameter),
+            "enclosed_volume": plain(volume),
+            "diagonal": plain(diameter),
             "seconds_read": seconds_read / len(rows),
             "seconds_exact": seconds_exact / len(rows),
             "thumbnail": "",
             "view": "",
         }
     return Analysis(tuple(rows))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if isfinite(value) else None

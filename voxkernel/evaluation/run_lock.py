@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from voxkernel._plain import json_text
 from voxkernel.evaluation.file_lock import lock_file
 from voxkernel.run_table import is_local
 
@@ -77,7 +78,7 @@ def _sign(file: IO[bytes]) -> None:
     started = datetime.now(UTC).isoformat(timespec="seconds")
     owner = {"pid": os.getpid(), "host": platform.node(), "started": started}
     file.truncate(0)
-    file.write(json.dumps(owner).encode())
+    file.write(json_text(owner).encode())
 
 
 def _owner(path: Path) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
+from voxkernel._plain import json_text
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 
@@ -120,14 +120,14 @@ class EvaluateSettings:
 
 def settings_text(settings: EvaluateSettings) -> str:
     """Write the settings that decide what is in a row as JSON."""
-    return json.dumps(settings.of_results(), sort_keys=True)
+    return json_text(settings.of_results(), sort_keys=True)
 
 
 def settings_hash(settings: EvaluateSettings) -> str:
     """Name these settings, for this version of the library."""
     from voxkernel._version import __version__
 
-    text = json.dumps([_FORMAT, __version__, settings_text(settings)])
+    text = json_text([_FORMAT, __version__, settings_text(settings)])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -144,4 +144,4 @@ def versions_text() -> str:
             found[name.removesuffix("-cpu")] = version(name)
         except PackageNotFoundError:
             continue
-    return json.dumps(found, sort_keys=True)
+    return json_text(found, sort_keys=True)

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
 from voxkernel._npz import DAMAGE, NpzArrays, read_json
+from voxkernel._output_file import whole_file
 from voxkernel.errors import GridReadError
 from voxkernel.grid.sparse_grid import SparseGrid
 
@@ -68,15 +68,8 @@ def write_npz(path: str | os.PathLike[str], grids: SparseGrid | Iterable[SparseG
             if (array := getattr(grid, name)) is not None:
                 arrays[f"{n}.{name}"] = array
     arrays["header"] = np.array(json.dumps({"format": _FORMAT, "version": _VERSION, "grids": described}))
-    target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("xb") as file:
-            np.savez_compressed(file, **cast(Any, arrays))
-        beside.replace(target)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as file:
+        np.savez_compressed(file, **cast(Any, arrays))
 
 
 def _plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_each, as_share, read_only
+from voxkernel._plain import plain
 from voxkernel.halfspaces import Domain
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
@@ -55,12 +56,12 @@ class DefectProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers, ready for JSON."""
-        return {
-            "tolerances": self.tolerances.tolist(),
-            "volume_share_bounds": self.volume_share_bounds.tolist(),
+        return plain({
+            "tolerances": self.tolerances,
+            "volume_share_bounds": self.volume_share_bounds,
             "domain": self.domain.kind,
             "depth": self.depth,
-        }
+        })
 
 
 def defect_profile(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_positive
+from voxkernel._plain import plain
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
 from voxkernel.halfspaces import Domain, HalfSpaces
@@ -105,30 +105,30 @@ class Starshapeness:
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything but the polytope as plain numbers, ready for JSON; NaN becomes None."""
-        return {
+        return plain({
             "verdict": self.verdict,
-            "ratio": _or_none(self.ratio),
-            "volume": _or_none(self.volume),
-            "volume_bounds": list(self.volume_bounds),
+            "ratio": self.ratio,
+            "volume": self.volume,
+            "volume_bounds": self.volume_bounds,
             "reference": self.reference,
-            "reference_volume": _or_none(self.reference_volume),
+            "reference_volume": self.reference_volume,
             "dimension": self.dimension,
-            "center": None if self.center is None else self.center.tolist(),
-            "clearance": _or_none(self.clearance),
+            "center": self.center,
+            "clearance": self.clearance,
             "certificate": self.certificate.to_dict(),
             "reason": self.reason,
-            "notes": list(self.notes),
+            "notes": self.notes,
             "n_facets": self.n_facets,
             "n_degenerate": self.n_degenerate,
             "is_closed": self.is_closed,
             "domain": None if self.kernel.domain is None else self.kernel.domain.kind,
             "cut_by_domain": self.kernel.cut_by_domain,
             "is_bounded": self.kernel.is_bounded,
-            "violation_bounds": list(self.violation_bounds),
-            "star_center": self.star_center.tolist(),
+            "violation_bounds": self.violation_bounds,
+            "star_center": self.star_center,
             "visible": None if self.visible is None else self.visible.to_dict(),
             "profile": None if self.profile is None else self.profile.to_dict(),
-        }
+        })
 
 
 def starshapeness(
@@ -249,7 +249,3 @@ def _reason(dimension: int, certificate: Certificate) -> str:
 
 def _format(point: NDArray[np.float64] | None) -> str:
     return "?" if point is None else "(" + ", ".join(f"{v:.4g}" for v in point) + ")"
-
-
-def _or_none(value: float) -> float | None:
-    return value if isfinite(value) else None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points
+from voxkernel._plain import plain
 from voxkernel.registration.search import rotation_angle_deg
 
 __all__ = ["Candidate", "Registration"]
@@ -100,29 +101,25 @@ class Registration:
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""
-        return {
-            "T_target_source": self.T_target_source.tolist(),
-            "kernel_T_target_source": self.kernel_T_target_source.tolist(),
+        return plain({
+            "T_target_source": self.T_target_source,
+            "kernel_T_target_source": self.kernel_T_target_source,
             "fitness": self.fitness,
-            "inlier_rmse": _plain(self.inlier_rmse),
+            "inlier_rmse": self.inlier_rmse,
             "score": self.score,
             "max_distance": self.max_distance,
-            "margin": _plain(self.margin),
+            "margin": self.margin,
             "converged": self.converged,
             "ambiguous": self.ambiguous,
             "reason": self.reason,
             "candidates": [
                 {
-                    "T_target_source": c.T_target_source.tolist(),
+                    "T_target_source": c.T_target_source,
                     "origin": c.origin,
-                    "margin": _plain(c.margin),
+                    "margin": c.margin,
                     "score": c.score,
                     "moved_score": c.moved_score,
                 }
                 for c in self.candidates
             ],
-        }
-
-
-def _plain(value: float) -> float | None:
-    return None if np.isnan(value) else value
+        })

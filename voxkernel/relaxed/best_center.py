@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_positive, read_only
 from voxkernel._core import least_violated
+from voxkernel._plain import plain
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
@@ -68,13 +69,13 @@ class StarCenter:
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers, ready for JSON."""
-        return {
-            "point": self.point.tolist(),
-            "violation_bounds": list(self.violation_bounds),
+        return plain({
+            "point": self.point,
+            "violation_bounds": self.violation_bounds,
             "domain": None if self.domain is None else self.domain.kind,
             "n_cells": self.n_cells,
             "reason": self.reason,
-        }
+        })
 
 
 def best_center(

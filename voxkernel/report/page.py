@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from voxkernel._plain import json_text
 from voxkernel.report import charts as charts
 from voxkernel.report.pictures import Pictures
 from voxkernel.report.rows import CELL_SCORES, SCORES, ReportRows
@@ -222,7 +222,7 @@ def _pictures_note(pictures: Pictures) -> str:
 
 
 def _pretty(value: Any) -> str:
-    return readable_lines(value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False))
+    return readable_lines(value if isinstance(value, str) else json_text(value, indent=1, ensure_ascii=False))
 
 
 def _time(text: str) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from voxkernel._plain import json_text
+
 __all__ = [
-    "code_span", "count", "json_block", "left_out_text", "number", "one_line", "percent", "plain", "readable",
-    "shorten",
+    "code_span", "count", "json_block", "left_out_text", "number", "one_line", "percent", "readable", "shorten",
 ]  # fmt: skip
 
 _SUFFIXES = 8  # named
@@ -52,19 +52,8 @@ def code_span(text: str, length: int = 120) -> str:
 
 def json_block(document: Any) -> str:
     """Write JSON that can stand in an HTML script element: ASCII, and no `<`, `>` or `&`."""
-    text = json.dumps(plain(document), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json_text(document, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def plain(value: Any) -> Any:
-    """Turn arrays into lists, and NaN and infinity into null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: float | None, digits: int = 4) -> str:

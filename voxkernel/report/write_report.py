@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from voxkernel._output_file import whole_file
+from voxkernel._plain import json_text, plain
 from voxkernel.report.rows import ReportRows, load_rows
-from voxkernel.report.text import plain
 
 __all__ = ["write_report"]
 
@@ -99,14 +99,15 @@ def write_report(
     heading = title if title is not None else _name_of(where)
     document = _document(summary)
     if kind == "json":
-        text = json.dumps({"title": heading, **document}, indent=1, allow_nan=False) + "\n"
+        text = json_text({"title": heading, **document}, indent=1) + "\n"
     elif kind == "markdown":
         from voxkernel.report.markdown import render_markdown
 
         text = render_markdown(summary, title=heading)
     else:
         text = _page(rows, summary, where, heading, star_labels, n_views, int(max_megabytes * 1e6))
-    _write(target, text)
+    with whole_file(target) as stream:
+        stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
     return document
 
 
@@ -150,13 +151,3 @@ def _name_of(run: str) -> str:
     """Name a run by its last folder."""
     parts = [part for part in run.replace("\\", "/").split("/") if part not in ("", ".", "..")]
     return parts[-1] if parts else Path(run).absolute().name
-
-
-def _write(target: Path, text: str) -> None:
-    """Replace the file in one step: a reader never sees half a report. Stray bytes of names become escapes."""
-    hidden = target.with_name(f".{os.getpid()}-{target.name[-80:]}.tmp")
-    try:
-        hidden.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
-        os.replace(hidden, target)
-    finally:
-        hidden.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
 from voxkernel._core import directions_and_radii
+from voxkernel._plain import plain
 from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
@@ -198,31 +199,31 @@ class SphericalMap:
     def to_dict(self) -> dict[str, Any]:
         """Give what is measured at the centre as plain numbers, ready for JSON; NaN becomes None."""
         proof = self.certificate
-        return {
-            "center": self.center.tolist(),
+        return plain({
+            "center": self.center,
             "center_kind": self.center_kind,
             "solid_angle": self.solid_angle,
             "coverage": self.coverage,
             "clearance": self.clearance,
-            "distortion": None if np.isnan(self.distortion) else self.distortion,
+            "distortion": self.distortion,
             "hidden_fraction": self.hidden_fraction,
             "hidden_angle_fraction": self.hidden_angle_fraction,
-            "folded_facets": self.folded_facets.tolist(),
+            "folded_facets": self.folded_facets,
             "certificate": None
             if proof is None
             else {
-                "gradient": proof.gradient.tolist(),
-                "active_facets": proof.active_facets.tolist(),
-                "multipliers": proof.multipliers.tolist(),
+                "gradient": proof.gradient,
+                "active_facets": proof.active_facets,
+                "multipliers": proof.multipliers,
                 "residual": proof.residual,
-                "curvature": None if np.isinf(proof.curvature) else proof.curvature,
+                "curvature": proof.curvature,
                 "n_starts": proof.n_starts,
                 "n_optima": proof.n_optima,
-                "runner_up": None if np.isnan(proof.runner_up) else proof.runner_up,
+                "runner_up": proof.runner_up,
                 "touches_boundary": proof.touches_boundary,
             },
-            "notes": list(self.notes),
-        }
+            "notes": self.notes,
+        })
 
 
 def spherical_map(

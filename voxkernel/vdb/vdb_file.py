@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice
 from voxkernel._input_file import input_file
+from voxkernel._output_file import whole_file
 from voxkernel.errors import GridReadError
 from voxkernel.grid import SparseGrid
 from voxkernel.grid.sparse_grid import GRID_CLASSES
@@ -411,7 +411,8 @@ def write_vdb(
     for part in header + parts:
         digest.update(part)
     header[1] = str(uuid.UUID(bytes=digest.digest()[:16], version=4)).encode()
-    _write_atomically(Path(path), header + parts)
+    with whole_file(path) as file:
+        file.writelines(header + parts)
 
 
 def _named(grids: object) -> list[tuple[str, SparseGrid]]:
@@ -457,15 +458,3 @@ def _packed(
     block_at = grid_at + sum(len(part) for part in ahead + topology)
     end_at = block_at + sum(len(part) for part in buffers)
     return [*title, struct.pack("<qqq", grid_at, block_at, end_at), *ahead, *topology, *buffers]
-
-
-def _write_atomically(path: Path, parts: list[bytes]) -> None:
-    """Write beside the target, then rename over it."""
-    beside = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
-    try:
-        with beside.open("xb") as file:
-            file.writelines(parts)
-        beside.replace(path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
