@@ -1,5 +1,6 @@
 #include "bind.h"
-#include "linear_program.h"
+#include "deepest_point.h"
+#include "plane_passes.h"
 
 namespace voxkernel {
 

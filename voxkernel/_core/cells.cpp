@@ -78,7 +78,6 @@ CellSolver::CellSolver(const CellMesh& mesh, Span<const bool> flips, CellSizes l
       areas_(offsets_.size()),
       errors_(offsets_.size()),
       planes_(std::min(largest.corners, kMaxPlanes)),
-      deepest_(std::min(largest.corners, kMaxPlanes)),
       convexity_(largest.corners),
       cutter_(std::min(largest.corners, kMaxPlanes)) {}
 
@@ -123,7 +122,9 @@ Outcome CellSolver::solve(Index cell, double* numbers, double* center, Index* wi
   if (std::abs(volume) <= doubt || doubt > kRounding * std::abs(volume)) return kUndecided;
   if (volume < 0.0) return kIsInsideOut;
   volume /= 6.0;
-  if (!set_planes() || !deepest_.find(planes_, 4.0, 4e-15, 400, stop_)) return kUndecided;
+  if (!set_planes()) return kUndecided;
+  deepest_.basis = DeepestPoint::kCorner;
+  if (deepest_.find(planes_, 4.0, 4e-15, 400, stop_) < 0) return kUndecided;
   return deepest_.point[3] < 0.0 ? solve_empty(volume, witness) : solve_solid(volume, numbers, center);
 }
 

@@ -8,7 +8,8 @@
 namespace voxkernel {
 namespace {
 
-constexpr int kStalled = 12;
+constexpr Index kStalled = 12;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // A 4 x 4 matrix in triangles, by elimination with row pivoting; one elimination serves several right-hand sides.
 class Factors {
@@ -74,7 +75,7 @@ double DeepestPoint::row(Index constraint, double* out) const {
 }
 
 // The constraint that the point violates most, or the first half-space that it violates; -1 where there is none.
-Index DeepestPoint::entering(double tolerance, bool first_will_do) {
+Index DeepestPoint::entering(double tolerance, bool first_will_do) const {
   double worst = tolerance;
   Index found = -1;
   const auto consider = [&](double violation, Index constraint) {
@@ -90,25 +91,66 @@ Index DeepestPoint::entering(double tolerance, bool first_will_do) {
   consider(point[3] - 2.0 * box_, 6);
   const double px = point[0], py = point[1], pz = point[2], t = point[3];
   const double *x = planes_->x.data(), *y = planes_->y.data(), *z = planes_->z.data(), *d = planes_->offset.data();
-  double* violations = violations_.data();
-  for (Index i = 0; i < planes_->size; ++i) violations[i] = x[i] * px + y[i] * py + z[i] * pz + t - d[i];
-  for (Index i = 0; i < planes_->size; ++i) {
-    if (violations[i] > worst) {
-      worst = violations[i];
-      found = kFirst + i;
-      if (first_will_do) break;
+  constexpr Index kBlock = 16;  // hardly any has a half-space that is violated more
+  double violations[kBlock];
+  for (Index first = 0; first < planes_->size; first += kBlock) {
+    const Index n = std::min(kBlock, planes_->size - first);
+    const auto violation = [=](Index i) { return x[i] * px + y[i] * py + z[i] * pz + t - d[i]; };
+    if (n == kBlock) {
+      Index n_worse = 0;
+      for (Index k = 0; k < kBlock; ++k) violations[k] = violation(first + k);
+      for (Index k = 0; k < kBlock; ++k) n_worse += violations[k] > worst ? 1 : 0;
+      if (n_worse == 0) continue;
+    } else {
+      for (Index k = 0; k < n; ++k) violations[k] = violation(first + k);
+    }
+    for (Index k = 0; k < n; ++k) {
+      if (violations[k] > worst) {
+        worst = violations[k];
+        found = kFirst + first + k;
+        if (first_will_do) return found;
+      }
     }
   }
   return found;
 }
 
-bool DeepestPoint::find(const HalfSpaceColumns& planes, double box, double tolerance, int max_steps, Stop& stop) {
+// Whether the multipliers that combine the constraints of the basis to t are not negative.
+bool DeepestPoint::is_dual_feasible() const {
+  Factors across;
+  for (int j = 0; j < 4; ++j) {
+    double constraint[4];
+    row(basis[j], constraint);
+    for (int k = 0; k < 4; ++k) across.m[k][j] = constraint[k];
+  }
+  double right[4] = {0.0, 0.0, 0.0, 1.0};
+  if (!across.factor()) return false;
+  across.solve(right);
+  return std::none_of(right, right + 4, [](double m) { return m < 0.0; });
+}
+
+// The member of the basis whose multiplier vanishes first as the entering one grows; lowest numbers first.
+int DeepestPoint::leaving(const double* direction) const {
+  int found = -1;
+  double ratio = kInfinity;
+  for (int j = 0; j < 4; ++j) {
+    if (!(direction[j] > 1e-11)) continue;
+    const double quotient = multipliers[j] > 1e-13 ? multipliers[j] / direction[j] : 0.0;
+    if (quotient < ratio || (quotient == ratio && found >= 0 && basis[j] < basis[found])) {
+      ratio = quotient;
+      found = j;
+    }
+  }
+  return found;
+}
+
+Index DeepestPoint::find(const HalfSpaceColumns& planes, double box, double tolerance, Index max_steps, Stop& stop) {
   planes_ = &planes;
   box_ = box;
-  basis = {1, 3, 5, 6};
-  int stalled = 0;
-  double lowest = std::numeric_limits<double>::infinity();
-  for (int step = 0; step < max_steps; ++step) {
+  if (basis != kCorner && !is_dual_feasible()) basis = kCorner;
+  Index stalled = 0;
+  double lowest = kInfinity;
+  for (Index step = 0; step < max_steps; ++step) {
     stop.poll(100 + planes.size);
     Factors across, along;  // the constraints of the basis as columns and as rows
     double solution[4];
@@ -116,33 +158,40 @@ bool DeepestPoint::find(const HalfSpaceColumns& planes, double box, double toler
       solution[j] = row(basis[j], along.m[j]);
       for (int k = 0; k < 4; ++k) across.m[k][j] = along.m[j][k];
     }
-    if (!across.factor() || !along.factor()) return false;
+    if (!across.factor()) return -1 - step;
     double right[4] = {0.0, 0.0, 0.0, 1.0};
     across.solve(right);
     for (int j = 0; j < 4; ++j) multipliers[j] = std::max(right[j], 0.0);
+    if (!along.factor()) return -1 - step;
     along.solve(solution);
     std::copy_n(solution, 4, point.begin());
     // Parallel faces leave multipliers zero and t as it is: the lowest numbers first (Bland) cannot cycle.
     stalled = point[3] < lowest ? 0 : stalled + 1;
     lowest = std::min(lowest, point[3]);
     const Index next = entering(tolerance, stalled > kStalled);
-    if (next < 0) return true;
+    if (next < 0) return step;
     row(next, right);
     across.solve(right);
-    int leaving = -1;
-    double ratio = std::numeric_limits<double>::infinity();
-    for (int j = 0; j < 4; ++j) {
-      if (!(right[j] > 1e-11)) continue;
-      const double quotient = multipliers[j] > 1e-13 ? multipliers[j] / right[j] : 0.0;
-      if (quotient < ratio || (quotient == ratio && leaving >= 0 && basis[j] < basis[leaving])) {
-        ratio = quotient;
-        leaving = j;
-      }
-    }
-    if (leaving < 0) return false;
-    basis[leaving] = next;
+    const int gone = leaving(right);
+    if (gone < 0) return -1 - step;
+    basis[gone] = next;
   }
-  return false;
+  return -1 - max_steps;
+}
+
+Index deepest_point(Points normals, Doubles offsets, Indices rows, double box, Span<Index> basis,
+                    Span<double> multipliers, Span<double> point, double tolerance, Index max_steps, Stop& stop) {
+  HalfSpaceColumns planes(rows.size());
+  for (const Index i : rows) planes.push(normals[i], offsets[i], 0.0);
+  DeepestPoint deepest;
+  std::copy_n(basis.data(), 4, deepest.basis.begin());
+  std::copy_n(multipliers.data(), 4, deepest.multipliers.begin());
+  std::copy_n(point.data(), 4, deepest.point.begin());
+  const Index steps = deepest.find(planes, box, tolerance, max_steps, stop);
+  std::copy_n(deepest.basis.begin(), 4, basis.data());
+  std::copy_n(deepest.multipliers.begin(), 4, multipliers.data());
+  std::copy_n(deepest.point.begin(), 4, point.data());
+  return steps;
 }
 
 }  // namespace voxkernel

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <iterator>
 
-#include "linear_program.h"
+#include "deepest_point.h"
+#include "plane_passes.h"
 
 namespace voxkernel {
 namespace {
@@ -33,16 +34,14 @@ std::vector<Index> new_rows(std::vector<Index> ids, std::vector<Index> rows) {
   return fresh;
 }
 
-std::vector<Index> nearest_rows(Points normals, Doubles offsets, const std::vector<Index>& rows, const double* point) {
+// Those nearest to a point; `planes` are those of `rows`.
+std::vector<Index> nearest_rows(const HalfSpaceColumns& planes, const std::vector<Index>& rows, const double* point) {
   struct Near {
     double slack;
     std::size_t position;
   };
   std::vector<Near> order(rows.size());
-  for (std::size_t w = 0; w < rows.size(); ++w) {
-    const double* n = normals[rows[w]];
-    order[w] = {offsets[rows[w]] - (n[0] * point[0] + n[1] * point[1] + n[2] * point[2]), w};
-  }
+  for (std::size_t w = 0; w < rows.size(); ++w) order[w] = {planes.slack(static_cast<Index>(w), point), w};
   const std::size_t count = std::min(kExactRows, order.size());
   std::partial_sort(order.begin(), order.begin() + count, order.end(), [](const Near& a, const Near& b) {
     return a.slack < b.slack || (a.slack == b.slack && a.position < b.position);
@@ -52,33 +51,52 @@ std::vector<Index> nearest_rows(Points normals, Doubles offsets, const std::vect
   return nearest;
 }
 
+// Whether a side of the box holds the maximum: in a larger box it is another one.
+bool leans_on_box(const DeepestPoint& deepest) {
+  for (int j = 0; j < 4; ++j) {
+    if (deepest.basis[j] < 6 && deepest.multipliers[j] > 1e-13) return true;
+  }
+  return false;
+}
+
+// The half-spaces that hold the maximum; `rows` are those of the working set.
+std::vector<Index> opposing_rows(const DeepestPoint& deepest, const std::vector<Index>& rows) {
+  std::vector<Index> opposing;
+  for (int j = 0; j < 4; ++j) {
+    const Index w = deepest.basis[j] - DeepestPoint::kFirst;
+    if (w >= 0 && deepest.multipliers[j] > 0.0) opposing.push_back(rows[w]);
+  }
+  return opposing;
+}
+
 }  // namespace
 
 // The deepest point of the working set is an upper bound of the depth. Planes that are tighter at it join the set, the
 // tightest of each direction, until a point is proven deep enough, the set has no common point, or nothing is new.
 DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop& stop) {
   DeepPoint result;
-  std::vector<Index>& rows = result.rows = first_rows(offsets.size());
+  std::vector<Index>& rows = result.rows;
+  HalfSpaceColumns planes(0);  // those of `rows`
+  const auto add_rows = [&](const std::vector<Index>& fresh) {
+    rows.insert(rows.end(), fresh.begin(), fresh.end());
+    planes.reserve(static_cast<Index>(rows.size()));
+    for (const Index i : fresh) planes.push(normals[i], offsets[i], errors[i]);
+  };
+  add_rows(first_rows(offsets.size()));
   std::vector<Index> ids(kBins);
   std::vector<double> slacks(kBins);
-  Index basis[4] = {1, 3, 5, 6};
-  double multipliers[4] = {}, point[4] = {};
+  DeepestPoint deepest;
+  const double* point = deepest.point.data();
   const double* box = std::begin(kBoxes);
   for (int round = 0; round < kMaxRounds; ++round) {
-    const Index steps = deepest_point(normals, offsets, rows, *box, {basis, 4}, {multipliers, 4}, {point, 4},
-                                      1e-15 * *box, kMaxSteps, stop);
-    if (steps < 0) break;
+    if (deepest.find(planes, *box, 1e-15 * *box, kMaxSteps, stop) < 0) break;
     const double upper = point[3];
     if (upper < 0.0) {
-      bool at_box = false;
-      for (int j = 0; j < 4; ++j) at_box = at_box || (basis[j] < 6 && multipliers[j] > 1e-13);
-      if (at_box) {
+      if (leans_on_box(deepest)) {
         if (++box == std::end(kBoxes)) break;
         continue;
       }
-      for (int j = 0; j < 4; ++j) {
-        if (basis[j] >= 7 && multipliers[j] > 0.0) result.opposing.push_back(rows[basis[j] - 7]);
-      }
+      result.opposing = opposing_rows(deepest, rows);
       result.gap = -upper;
       break;
     }
@@ -90,9 +108,9 @@ DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop&
     }
     const std::vector<Index> fresh = new_rows(ids, rows);
     if ((result.depth > 0.0 && result.depth >= kShare * upper) || fresh.empty()) break;
-    rows.insert(rows.end(), fresh.begin(), fresh.end());
+    add_rows(fresh);
   }
-  if (result.depth == 0.0) result.nearest = nearest_rows(normals, offsets, rows, point);
+  if (result.depth == 0.0) result.nearest = nearest_rows(planes, rows, point);
   return result;
 }
 

@@ -1,4 +1,4 @@
-#include "linear_program.h"
+#include "plane_passes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,128 +19,6 @@ inline bool is_rare(bool condition) {
 }
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr Index kStalled = 12;
-
-struct Vector4 {
-  double at[4];
-};
-struct Matrix4 {
-  double at[4][4];
-};
-
-// Solves a 4 x 4 system in place by elimination with row pivoting; false when singular.
-bool solve(Matrix4& matrix, Vector4& right) {
-  auto& m = matrix.at;
-  auto& r = right.at;
-  for (int k = 0; k < 4; ++k) {
-    int pivot = k;
-    for (int i = k + 1; i < 4; ++i) {
-      if (std::abs(m[i][k]) > std::abs(m[pivot][k])) pivot = i;
-    }
-    if (std::abs(m[pivot][k]) < 1e-14) return false;
-    if (pivot != k) {
-      for (int j = k; j < 4; ++j) std::swap(m[k][j], m[pivot][j]);
-      std::swap(r[k], r[pivot]);
-    }
-    for (int i = k + 1; i < 4; ++i) {
-      const double f = m[i][k] / m[k][k];
-      if (f == 0.0) continue;
-      for (int j = k + 1; j < 4; ++j) m[i][j] -= f * m[k][j];
-      r[i] -= f * r[k];
-    }
-  }
-  for (int k = 3; k >= 0; --k) {
-    for (int j = k + 1; j < 4; ++j) r[k] -= m[k][j] * r[j];
-    r[k] /= m[k][k];
-  }
-  return true;
-}
-
-// The linear program: maximise t with n . x + t <= d over the working set, |x|_inf <= box, t <= 2 box.
-struct Program {
-  Points normals;
-  Doubles offsets;
-  Indices rows;
-  double box;
-
-  double cap() const { return 2.0 * box; }
-
-  // Constraint `index` as (n, tau), and its right-hand side.
-  double row(Index index, double (&out)[4]) const {
-    std::fill_n(out, 4, 0.0);
-    if (index < 6) {
-      out[index >> 1] = (index & 1) != 0 ? 1.0 : -1.0;
-      return box;
-    }
-    out[3] = 1.0;
-    if (index == 6) return cap();
-    const Index i = rows[index - 7];
-    std::copy_n(normals[i], 3, out);
-    return offsets[i];
-  }
-
-  // Four constraints as the rows of a matrix, and their right-hand sides.
-  Vector4 constraints(Span<const Index> basis, Matrix4& matrix) const {
-    Vector4 right;
-    for (int j = 0; j < 4; ++j) right.at[j] = row(basis[j], matrix.at[j]);
-    return right;
-  }
-
-  // The multipliers that combine four constraints to `target`.
-  bool combine(Span<const Index> basis, Vector4& target) const {
-    Matrix4 rows_of_basis, columns;
-    constraints(basis, rows_of_basis);
-    for (int j = 0; j < 4; ++j) {
-      for (int k = 0; k < 4; ++k) columns.at[k][j] = rows_of_basis.at[j][k];
-    }
-    return solve(columns, target);
-  }
-
-  // The constraint violated most, beyond `worst`; the first one will do when `any` is set. -1 where there is none.
-  Index most_violated(const double* point, double worst, bool any) const {
-    Index entering = -1;
-    const auto look_at = [&](double violation, Index index) {
-      if (violation > worst) {
-        worst = violation;
-        entering = index;
-      }
-    };
-    for (int k = 0; k < 3; ++k) {
-      look_at(point[k] - box, 2 * k + 1);
-      look_at(-point[k] - box, 2 * k);
-    }
-    look_at(point[3] - cap(), 6);
-    const double x = point[0], y = point[1], z = point[2], t = point[3];
-    for (Index w = 0; w < rows.size(); ++w) {
-      const Index i = rows[w];
-      const double* n = normals[i];
-      const double violation = n[0] * x + n[1] * y + n[2] * z + t - offsets[i];
-      if (is_rare(violation > worst)) {
-        worst = violation;
-        entering = 7 + w;
-        if (any) break;
-      }
-    }
-    return entering;
-  }
-};
-
-constexpr Vector4 kObjective{{0.0, 0.0, 0.0, 1.0}};
-
-// The member of the basis whose multiplier vanishes first as the entering one grows; lowest numbers first.
-int leaving_member(Span<const Index> basis, Span<const double> multipliers, const Vector4& direction) {
-  int leaving = -1;
-  double ratio = kInfinity;
-  for (int j = 0; j < 4; ++j) {
-    if (!(direction.at[j] > 1e-11)) continue;
-    const double quotient = multipliers[j] > 1e-13 ? multipliers[j] / direction.at[j] : 0.0;
-    if (quotient < ratio || (quotient == ratio && leaving >= 0 && basis[j] < basis[leaving])) {
-      ratio = quotient;
-      leaving = j;
-    }
-  }
-  return leaving;
-}
 
 // Direction bin of a normal: a face of the cube and a cell of its 8 x 8 grid.
 // Neighbours in a mesh look much the same way: the jumps are foreseen, and faster than any way around them.
@@ -226,43 +104,6 @@ void each_plane(Index n, Stop& stop, Visit&& visit) {
 }
 
 }  // namespace
-
-// `basis` holds four constraint numbers and is used as the start when it is dual feasible; otherwise the start is the
-// corner of the box. Fills basis, multipliers and point = (x, t). Returns the number of steps, negative when the steps
-// ran out or a basis was singular.
-Index deepest_point(Points normals, Doubles offsets, Indices rows, double box, Span<Index> basis,
-                    Span<double> multipliers, Span<double> point, double tolerance, Index max_steps, Stop& stop) {
-  const Program program{normals, offsets, rows, box};
-  Vector4 start = kObjective;
-  if (!program.combine(basis, start) || std::any_of(start.at, start.at + 4, [](double m) { return m < 0.0; })) {
-    for (int j = 0; j < 3; ++j) basis[j] = 2 * j + 1;
-    basis[3] = 6;
-  }
-  Index stalled = 0;
-  double lowest = kInfinity;
-  for (Index step = 0; step < max_steps; ++step) {
-    stop.poll(rows.size() + 8);
-    Vector4 combination = kObjective;
-    if (!program.combine(basis, combination)) return -1 - step;
-    for (int j = 0; j < 4; ++j) multipliers[j] = std::max(combination.at[j], 0.0);
-    Matrix4 matrix;
-    Vector4 solution = program.constraints(basis, matrix);
-    if (!solve(matrix, solution)) return -1 - step;
-    std::copy_n(solution.at, 4, point.data());
-    // Parallel faces leave multipliers zero and t as it is: the lowest numbers first (Bland) cannot cycle.
-    stalled = point[3] < lowest ? 0 : stalled + 1;
-    lowest = std::min(lowest, point[3]);
-    const Index entering = program.most_violated(point.data(), tolerance, stalled > kStalled);
-    if (entering < 0) return step;
-    Vector4 direction;
-    program.row(entering, direction.at);
-    if (!program.combine(basis, direction)) return -1 - step;
-    const int leaving = leaving_member(basis, multipliers, direction);
-    if (leaving < 0) return -1 - step;
-    basis[leaving] = entering;
-  }
-  return -1 - max_steps;
-}
 
 // One pass: the smallest slack d - n . x, the least certain one, and the tightest plane of each direction bin.
 // Planes with slack >= limit are left out of the bins. `ids` is -1 where a bin is empty.

@@ -1,5 +1,8 @@
-// Deepest point of a working set of half-spaces by a dual simplex, and passes over all of them.
+// Passes over all half-spaces: what is tightest at a point, and which a point is not certainly inside of. Errors are
+// those of n . x - d over |x| + 1.
 #pragma once
+
+#include <vector>
 
 #include "spans.h"
 #include "stop.h"
@@ -8,10 +11,6 @@ namespace voxkernel {
 
 // Direction bins: the faces of a cube, 8 x 8 cells each.
 constexpr int kBins = 6 * 8 * 8;
-
-// Constraints 0..5 are the box, 6 caps t, 7 + w is half-space rows[w].
-Index deepest_point(Points normals, Doubles offsets, Indices rows, double box, Span<Index> basis,
-                    Span<double> multipliers, Span<double> point, double tolerance, Index max_steps, Stop& stop);
 
 struct Tightest {
   double smallest;  // slack
