@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_nonnegative, as_positive
+from voxkernel._extras import optional
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 
@@ -105,8 +106,7 @@ class EvaluateSettings:
         """Give the memory limit in bytes; None where none was given."""
         if self.memory_limit is None:
             return None
-        from dask.utils import parse_bytes
-
+        parse_bytes = optional("dask.utils").parse_bytes
         try:
             limit = int(parse_bytes(self.memory_limit))
         except (ValueError, TypeError):
