@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 
 import voxkernel
+from voxkernel._extras import EXTRAS
 
 PACKAGE = Path(voxkernel.__file__).parent
 # Top to bottom: a row imports from rows above it, and one that has words beside it from those and the ground only.
 GROUND = (
-    "_version", "errors", "_core", "_core_check", "_threads", "_checks", "_plain", "_input_file", "_output_file",
-    "_npz", "_open3d",
+    "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_plain", "_input_file",
+    "_output_file", "_npz", "_open3d",
 )  # fmt: skip
 FOLDERS = {
     "mesh": None,
@@ -43,7 +44,8 @@ HEAVY = {
     "open3d", "pymeshlab", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
     "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package", "asyncio",
 }  # fmt: skip
-ONLY_IN = {"open3d": "_open3d"}
+# Packages of extras are imported by `optional`; the child of `mesh` that reads files by PyMeshLab knows nothing of it.
+MAY_IMPORT = {"mesh.meshlab_child": {"pymeshlab"}}
 
 
 def modules():
@@ -176,10 +178,21 @@ def test_nothing_heavy_at_import(name):
     assert not heavy, f"import these inside the function that needs them: {sorted(heavy)}"
 
 
-@pytest.mark.parametrize(("package", "home"), ONLY_IN.items())
-def test_imported_in_one_file(package, home):
-    users = {name for name in MODULES for dotted in _imports(tree_of(name)) if dotted.split(".")[0] == package}
-    assert users <= {home}
+def called_with(name, functions):
+    """First words of texts that these functions are called with, as `plotly` of import_module("plotly.subplots")."""
+    calls = [n for n in ast.walk(tree_of(name)) if isinstance(n, ast.Call) and n.args]
+    wanted = [n.args[0] for n in calls if ast.unparse(n.func).split(".")[-1] in functions]
+    return {node.value.split(".")[0] for node in wanted if isinstance(node, ast.Constant)}
+
+
+@pytest.mark.parametrize("name", list(MODULES))
+def test_packages_of_extras_are_imported_by_optional(name):
+    imported = {dotted.split(".")[0] for dotted in _imports(tree_of(name))} | called_with(name, ("import_module",))
+    assert imported & set(EXTRAS) <= MAY_IMPORT.get(name, set())
+    asked = called_with(name, ("optional", "check_installed"))
+    assert asked <= set(EXTRAS)
+    if name not in ("_open3d", "cli.register", "evaluation.evaluate"):
+        assert "open3d" not in asked, "import it by `_open3d.open3d`"
 
 
 @pytest.mark.parametrize("name", ["evaluate", "repair", "violation", "register", "exact_kernel", "voxel_kernel"])

@@ -6,6 +6,8 @@ import sys
 import warnings
 from typing import Any
 
+from voxkernel._extras import optional
+
 __all__ = ["open3d"]
 
 _LIBUSB = "libusb-1.0.so.0"
@@ -42,7 +44,7 @@ def open3d() -> Any:
     Raises
     ------
     ImportError
-        If Open3D is not installed or a system library it needs is missing.
+        If Open3D is not installed (`MissingExtraError`) or a system library it needs is missing.
     """
     loaded = sys.modules.get("open3d")
     if loaded is not None:
@@ -52,7 +54,7 @@ def open3d() -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return importlib.import_module("open3d")
+            return optional("open3d")
     except OSError as error:
         hint = "`pip install libusb-package` may help"
         raise ImportError(f"open3d cannot be loaded: {error} ({hint})") from error

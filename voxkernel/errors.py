@@ -1,6 +1,6 @@
 """The exceptions voxkernel raises on purpose."""
 
-__all__ = ["GridReadError", "MeshError", "MeshReadError", "SolverError", "VoxKernelError"]
+__all__ = ["GridReadError", "MeshError", "MeshReadError", "MissingExtraError", "SolverError", "VoxKernelError"]
 
 
 class VoxKernelError(Exception):
@@ -17,6 +17,10 @@ class MeshError(VoxKernelError, ValueError):
 
 class MeshReadError(VoxKernelError, OSError):
     """A mesh file that is missing, empty or not readable."""
+
+
+class MissingExtraError(VoxKernelError, ImportError):
+    """A package is needed that only an extra of the installation brings."""
 
 
 class SolverError(VoxKernelError, RuntimeError):

@@ -11,6 +11,7 @@ import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file
 from voxkernel._output_file import is_unfinished, whole_file
 from voxkernel._plain import json_text
@@ -60,7 +61,7 @@ _FORMULA = re.compile("'*[=+\\-@\t\r\n\0＝＋－＠]")
 
 def schema() -> Any:
     """Give the Arrow schema of the table."""
-    import pyarrow as pa
+    pa = optional("pyarrow")
 
     def kind(name: str) -> Any:
         inner = name.removeprefix("list<").removesuffix(">")
@@ -71,8 +72,7 @@ def schema() -> Any:
 
 def to_table(rows: Sequence[Mapping[str, Any]]) -> Any:
     """Make a table of rows; what a row does not have is null, and nothing but a column may be in it."""
-    import pyarrow as pa
-
+    pa = optional("pyarrow")
     if unknown := {name for row in rows for name in row} - set(COLUMNS):
         raise ValueError(f"`rows` must have columns of the table only; got {', '.join(sorted(unknown))}")
     return pa.Table.from_pylist([dict(row) for row in rows], schema=schema())
@@ -80,8 +80,7 @@ def to_table(rows: Sequence[Mapping[str, Any]]) -> Any:
 
 def open_run(run: str) -> tuple[Any, str]:
     """Give the file system of a run directory or URL and its path there."""
-    import fsspec
-
+    fsspec = optional("fsspec")
     try:
         fs, path = fsspec.core.url_to_fs(run)
     except ImportError as error:
@@ -112,9 +111,7 @@ def write_part(fs: Any, run_path: str, rows: Sequence[Mapping[str, Any]]) -> str
 
 def write_table_part(fs: Any, run_path: str, table: Any, *, after: str = "") -> str:
     """Write a table as a new part, whose name sorts behind that of the part `after` even if the clock was set back."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     found = re.match(r"part-(\d+)-", posixpath.basename(after))
     stamp = max(time.time_ns(), int(found[1]) + 1 if found else 0)
     sink = pa.BufferOutputStream()
@@ -140,9 +137,7 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
     A later part counts, whatever it says; a file computed again replaces all its earlier rows. The rows of one
     computation share the time it finished.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     tables = [_read_table(pq, fs, name) for name in names]
     empty = schema().empty_table()
     whole = pa.concat_tables([empty, *tables]).combine_chunks()
@@ -160,8 +155,7 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
 
 
 def _read_table(pq: Any, fs: Any, name: str) -> Any:
-    import pyarrow as pa
-
+    pa = optional("pyarrow")
     check_stored_file(fs, name)
     with fs.open(name, "rb") as stream:
         data = stream.read()

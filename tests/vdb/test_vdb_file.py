@@ -9,7 +9,7 @@ from grids import random_frame, random_grid, with_inactive_tiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from voxkernel.errors import GridReadError, VoxKernelError
+from voxkernel.errors import GridReadError, MissingExtraError, VoxKernelError
 from voxkernel.grid import SparseGrid
 from voxkernel.vdb import file_format, node_values, read_vdb, write_vdb
 from voxkernel.vdb.file_format import pack_map, pack_metadata, pack_text
@@ -436,7 +436,7 @@ def test_deep_metadata_ends_with_the_file(tmp_path):
 def test_a_missing_blosc_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, SparseGrid.from_dense(np.arange(512.0).reshape(8, 8, 8)), compression="blosc")
     monkeypatch.setitem(sys.modules, "blosc", None)
-    with pytest.raises(GridReadError, match=r"needs the package `blosc`; install it with `pip install blosc`"):
+    with pytest.raises(MissingExtraError, match="`blosc` is not installed; the extra `vdb` brings it"):
         read_vdb(path)
 
 

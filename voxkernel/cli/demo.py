@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from voxkernel._extras import check_installed, optional
 from voxkernel.cli.output import check_folder, display, number, print_table, say, write_json
 
 HELP = "score and draw shapes made by formula; a first look"
@@ -28,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Score and draw every shape, then write the report."""
+    for package in ("pyvista", "plotly", "jinja2"):
+        check_installed(package)
     folder = check_folder(args.output)
 
     from voxkernel.demo_shapes import SHAPES
@@ -82,10 +85,9 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
 def _write_report(results: list[dict[str, Any]], folder: Path) -> None:
     from importlib.resources import files
 
-    import jinja2
-
     from voxkernel._version import __version__
 
+    jinja2 = optional("jinja2")
     source = (files("voxkernel.cli") / "templates" / "demo.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(source)
     items = [

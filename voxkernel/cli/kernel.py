@@ -9,6 +9,7 @@ from typing import Any
 from voxkernel.cli.output import (
     UsageError,
     check_output,
+    check_picture,
     display,
     number,
     print_json,
@@ -66,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compute, print, write."""
     output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz", ".vdb"))
-    picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
+    picture = None if args.picture is None else check_picture(args.picture)
     options = {name: getattr(args, name) for name in _GRID_OPTIONS}
     options = {name: value for name, value in options.items() if value is not None}
     as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))

@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from voxkernel._extras import check_installed
 from voxkernel._plain import json_text
 
 __all__ = [
-    "UsageError", "check_folder", "check_output", "display", "number", "print_json",
-    "print_table", "report_error", "say", "table_row", "to_json", "write_json",
+    "UsageError", "check_folder", "check_output", "check_picture", "display", "number", "print_json",
+    "print_table", "report_error", "say", "table_row", "write_json",
 ]  # fmt: skip
 
 
@@ -82,6 +83,13 @@ def check_output(path: str, suffixes: Sequence[str]) -> Path:
         raise UsageError(f"output must be in an existing folder; got '{display(path)}'")
     if not os.access(target if target.exists() else target.parent, os.W_OK):
         raise UsageError(f"output must be writable; got '{display(path)}'")
+    return target
+
+
+def check_picture(path: str) -> Path:
+    """Refuse a picture that cannot be written, or that nothing installed can draw, before anything is computed."""
+    target = check_output(path, (".png", ".html"))
+    check_installed("pyvista" if target.suffix.lower() == ".png" else "plotly")
     return target
 
 

@@ -6,8 +6,10 @@ import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel.evaluation.progress import EvaluationProgress, clock
 
 __all__ = ["shown"]
@@ -17,10 +19,10 @@ _PLAIN_SECONDS = 10.0
 
 @contextmanager
 def shown(*, quiet: bool) -> Generator[Callable[[EvaluationProgress], None] | None]:
-    """Give what shows progress on stderr: a bar on a terminal, lines elsewhere, nothing when quiet."""
+    """Give what shows progress on stderr: a bar on a terminal if `rich` is there, else lines; nothing when quiet."""
     if quiet:
         yield None
-    elif sys.stderr.isatty():
+    elif sys.stderr.isatty() and find_spec("rich") is not None:
         with _bar() as show:
             yield show
     else:
@@ -43,11 +45,9 @@ def _lines() -> Callable[[EvaluationProgress], None]:
 
 @contextmanager
 def _bar() -> Generator[Callable[[EvaluationProgress], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[words]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console, rich = optional("rich.console").Console(stderr=True), optional("rich.progress")
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TextColumn("{task.fields[words]}"))
+    with rich.Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("", total=None, words="starting")
 
         def show(state: EvaluationProgress) -> None:

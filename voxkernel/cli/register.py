@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from voxkernel._extras import check_installed
 from voxkernel.cli.output import (
     UsageError,
     check_output,
+    check_picture,
     display,
     number,
     print_json,
@@ -55,9 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Register, print, write."""
+    check_installed("open3d")
     output = None if args.output is None else check_output(args.output, (".json",))
     moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl"))
-    picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
+    picture = None if args.picture is None else check_picture(args.picture)
     for path in (args.source, args.target):
         if moved is not None and moved.exists() and Path(path).exists() and moved.samefile(path):
             raise UsageError(f"output must not be an input; got '{display(moved)}'")

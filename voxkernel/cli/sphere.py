@@ -9,6 +9,7 @@ from typing import Any
 from voxkernel.cli.output import (
     UsageError,
     check_output,
+    check_picture,
     display,
     number,
     print_json,
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Project, print, write."""
     output = None if args.output is None else check_output(args.output, (".npz", ".json", ".ply"))
-    picture = None if args.picture is None else check_output(args.picture, (".png", ".html"))
+    picture = None if args.picture is None else check_picture(args.picture)
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel.errors import SolverError
 from voxkernel.evaluation.inputs import BadInput
 from voxkernel.evaluation.scratch_folder import scratch_folder
@@ -83,14 +84,12 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
     Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
     ours talk over TLS, with a key that is made for this run and that only its processes know.
     """
-    from dask import config
-    from distributed import Client, LocalCluster, Security
-    from distributed.comm.addressing import get_address_host
-
+    distributed, config = optional("distributed"), optional("dask").config
     if settings.scheduler is not None:
         try:
-            get_address_host(settings.scheduler)  # a client that cannot read its address does not end in order
-            client = Client(settings.scheduler, timeout="5s", set_as_default=False)
+            # A client that cannot read its address does not end in order.
+            optional("distributed.comm.addressing").get_address_host(settings.scheduler)
+            client = distributed.Client(settings.scheduler, timeout="5s", set_as_default=False)
         except (OSError, ValueError) as error:
             wrong = f"`scheduler` must be the address of a scheduler; got {settings.scheduler!r}"
             raise BadInput(f"{wrong} ({error})") from None
@@ -101,17 +100,17 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
     n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
     with _quiet(), scratch_folder() as folder, config.set({**_CONFIG, "temporary-directory": folder}):
         options: dict[str, Any] = {"dashboard_address": None, "env": _ENVIRONMENT, "local_directory": folder}
-        options |= {"protocol": "tls://", "security": Security.temporary()}
+        options |= {"protocol": "tls://", "security": distributed.Security.temporary()}
         options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
         try:
             with _interrupt_blocked():
-                made = LocalCluster(
+                made = distributed.LocalCluster(
                     n_workers=n, threads_per_worker=1, processes=True, worker_class=_recording_nanny(ends),
                     memory_limit=_memory_of_each(settings, n), silence_logs=_NEVER, host="127.0.0.1", **options,
                 )  # fmt: skip
         except RuntimeError as error:
             raise SolverError(f"worker processes did not start: {error} {_GUARD}") from error
-        with made, Client(made, set_as_default=False) as client:
+        with made, distributed.Client(made, set_as_default=False) as client:
             yield Cluster(client, True, ends)
 
 
@@ -136,17 +135,15 @@ def _memory_of_each(settings: EvaluateSettings, n: int) -> int:
     limit = settings.memory_bytes()
     if limit is not None:
         return int(limit / 0.95 * 1.25)
-    from dask.system import CPU_COUNT
-    from distributed.system import MEMORY_LIMIT
-
-    return int(MEMORY_LIMIT * 0.9 / min(n, max(1, CPU_COUNT)))
+    cpus, memory = optional("dask.system").CPU_COUNT, optional("distributed.system").MEMORY_LIMIT
+    return int(memory * 0.9 / min(n, max(1, cpus)))
 
 
 def _recording_nanny(ends: dict[str, tuple[int, bool]]) -> Any:
     """Make a nanny that notes how its workers ended: Dask tells the client only that they did."""
-    from distributed import Nanny
+    nanny: Any = optional("distributed").Nanny
 
-    class RecordingNanny(Nanny):
+    class RecordingNanny(nanny):
         def _on_worker_exit_sync(self, exitcode: int) -> None:
             address, pid = self.worker_address, getattr(self, "_voxkernel_pid", None)
             if address is not None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel.errors import SolverError
 from voxkernel.evaluation.cluster import Cluster
 from voxkernel.evaluation.inputs import Item, content_hash, with_data
@@ -143,11 +144,11 @@ class Dispatcher:
         """Take the result of a task, or find out why there is none."""
         from concurrent.futures import CancelledError
 
-        from distributed.scheduler import KilledWorker
+        killed = optional("distributed.scheduler").KilledWorker
 
         try:
             outcomes = self._cluster.result_of(job.future, timeout=30)
-        except (KilledWorker, CancelledError, TimeoutError, OSError):
+        except (killed, CancelledError, TimeoutError, OSError):
             yield from self._lost(job)
             return
         except Exception as error:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from voxkernel import run_table
+from voxkernel._extras import check_installed
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
@@ -150,6 +151,8 @@ def run_evaluation(
     analysis: Analyse,
 ) -> EvaluationResult:
     """Evaluate with any `analysis(path, settings, *, name, view)`; it is pickled and runs in the workers."""
+    for package in ("dask", "distributed", "fsspec", "pyarrow", *(["open3d"] if settings.visible else [])):
+        check_installed(package)
     others: set[str] = set()
     items, unmatched = labelled(find_items(paths, others), read_labels(labels), settings.views)
     if not items:

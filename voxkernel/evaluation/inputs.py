@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.run_table import defused, is_local, open_run
@@ -154,8 +155,7 @@ def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
 
 def _opened(url: str) -> tuple[Any, str]:
     """Give the file system of a URL and the path there; one that is unknown or not installed is bad input."""
-    import fsspec
-
+    fsspec = optional("fsspec")
     try:
         return fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as error:
@@ -256,9 +256,7 @@ def content_hash(item: Item) -> str:
 def _read(url: str) -> bytes:
     if _is_local(url):
         return input_file(url, OSError).read_bytes()
-    import fsspec
-
-    fs, path = fsspec.core.url_to_fs(url)
+    fs, path = optional("fsspec.core").url_to_fs(url)
     return bytes(fs.cat_file(path))
 
 

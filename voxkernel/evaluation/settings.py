@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
+from voxkernel._extras import optional
 from voxkernel._plain import json_text
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
@@ -102,8 +103,7 @@ class EvaluateSettings:
         """Give the memory limit in bytes; None where none was given."""
         if self.memory_limit is None:
             return None
-        from dask.utils import parse_bytes
-
+        parse_bytes = optional("dask.utils").parse_bytes
         try:
             limit = int(parse_bytes(self.memory_limit))
         except (ValueError, TypeError):

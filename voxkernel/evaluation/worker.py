@@ -17,6 +17,7 @@ from functools import cache
 from time import perf_counter
 from typing import Any
 
+from voxkernel._extras import optional
 from voxkernel.errors import VoxKernelError
 from voxkernel.evaluation.analysis import Analysis, analyse, warm_up
 from voxkernel.evaluation.inputs import Item, content_hash, local_copy
@@ -138,10 +139,9 @@ def _limited(settings: EvaluateSettings) -> Generator[None]:
 
 def _worker() -> Any:
     """Give the Dask worker this runs in, None elsewhere."""
-    from distributed import get_worker
-
+    distributed = optional("distributed")
     try:
-        return get_worker()
+        return distributed.get_worker()
     except ValueError:
         return None
 

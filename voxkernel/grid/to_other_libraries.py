@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.grid.leaf_bits import unpack
 from voxkernel.grid.sparse_grid import SparseGrid
 
@@ -125,7 +126,7 @@ def to_pyvista_cells(grid: SparseGrid, *, max_cells: int = 20_000_000) -> Any:
     >>> cells.n_cells, round(cells.volume)  # a tile of 16^3 and a sheet of 16 x 16 voxels
     (257, 4352)
     """
-    import pyvista
+    pyvista = optional("pyvista")
 
     corner, edge, value = _cells_of(grid, max_cells)
     steps = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -186,7 +187,7 @@ def to_pyvista_image(grid: SparseGrid, *, max_voxels: int = 1 << 28) -> Any:
     >>> image.n_cells, image["active"].tolist()
     (3, [1, 0, 1])
     """
-    import pyvista
+    pyvista = optional("pyvista")
 
     edges = np.linalg.norm(grid.linear, axis=0)
     rotation = grid.linear / edges

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_nonnegative, as_points
+from voxkernel._extras import optional
 from voxkernel.errors import MeshError
 from voxkernel.mesh.files import Polygons, merge_equal_corners, read_polygons
 from voxkernel.mesh.polygons import flatten_polygons
@@ -146,7 +147,7 @@ def _from_open3d_tensor(mesh: Any) -> TriangleMesh:
 
 def _from_polydata(mesh: Any, rtol: float) -> TriangleMesh:
     """Through VTK's own calls, which PyVista objects have too."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
+    vtk_to_numpy = optional("vtkmodules.util.numpy_support").vtk_to_numpy
 
     if mesh.GetNumberOfStrips():
         n = mesh.GetNumberOfStrips()

@@ -16,6 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import check_installed
 from voxkernel.errors import MeshReadError
 
 __all__ = ["MeshlabReader", "read_with_meshlab"]
@@ -98,6 +99,7 @@ class _Refused(Exception):
 
 
 def _start(file: Path) -> subprocess.Popen[bytes]:
+    check_installed("pymeshlab")
     program = sys.executable
     if not program or getattr(sys, "frozen", False):
         raise MeshReadError(

@@ -1,6 +1,5 @@
 """`repair`: opt-in changes of a surface, each of them reported."""
 
-import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_positive
+from voxkernel._extras import optional
 from voxkernel.errors import MeshError
 from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
@@ -223,7 +223,7 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
 
 def _meshlab(arrays: _Arrays, step: str, name: str, **options: Any) -> _Arrays:
     """Run one PyMeshLab filter on copies."""
-    pymeshlab: Any = importlib.import_module("pymeshlab")
+    pymeshlab = optional("pymeshlab")
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(np.array(arrays[0]), np.array(arrays[1])))
     try:
@@ -247,7 +247,7 @@ def _close_holes(arrays: _Arrays, edges: int) -> tuple[_Arrays, str]:
 
 
 def _remesh(arrays: _Arrays, length: float) -> tuple[_Arrays, str]:
-    target = importlib.import_module("pymeshlab").PureValue(length)
+    target = optional("pymeshlab").PureValue(length)
     after = _meshlab(arrays, "remesh_edge_length", "meshing_isotropic_explicit_remeshing", targetlen=target)
     return after, f"remeshed to edges of {length:g}"
 

@@ -16,6 +16,7 @@ from voxkernel._checks import (
     check_index_range,
     read_only,
 )
+from voxkernel._extras import optional
 from voxkernel.errors import MeshError
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
 from voxkernel.mesh.polygons import flatten_polygons, polygon_planes, triangle_areas
@@ -385,7 +386,7 @@ class TriangleMesh:
         >>> mesh.to_polydata().n_cells
         1
         """
-        import pyvista
+        pyvista = optional("pyvista")
 
         vertices, faces = self.to_arrays()
         data = pyvista.PolyData.from_regular_faces(vertices, faces)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxkernel._extras import optional
 from voxkernel.pictures.png import _silent_vtk
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def cells_picture(
     `values` has one number per cell, `limits` are the ends of the colour bar (those of the values by default),
     `label` is its title; `path` ends in .png. Needs PyVista and no display.
     """
-    import pyvista
+    pyvista = optional("pyvista")
 
     shades = np.asarray(values, dtype=np.float64)
     if shades.shape != (len(mesh),):

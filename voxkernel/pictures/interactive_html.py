@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.pictures.parts import save_page
 from voxkernel.pictures.scene import KERNEL, LINE, SURFACE, WITNESS, Scene
 
@@ -28,9 +29,7 @@ class Plate(NamedTuple):
 
 def write_html(plates: Sequence[Plate], path: Path) -> None:
     """Write a page that shows the first plate; a menu changes between several."""
-    import plotly.graph_objects
-
-    go: Any = plotly.graph_objects
+    go = optional("plotly.graph_objects")
     groups = [_traces(go, plate.scene) for plate in plates]
     figure = go.Figure([trace for group in groups for trace in group])
     owner = np.repeat(np.arange(len(groups)), [len(g) for g in groups])

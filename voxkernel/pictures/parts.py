@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
+
 __all__ = ["INK", "PALE", "Draw", "check_picture", "heading", "save_page", "write_parts"]
 
 INK, PALE = "#1d2733", "#5d6b7a"
@@ -44,9 +46,9 @@ def save_page(figure: Any, path: Path, name: str, *, style: str = "") -> None:
 
 def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, Draw]], size: tuple[int, int]) -> None:
     """Draw up to four named parts, two in a row, under a title and a caption."""
-    from PIL import Image, ImageDraw
-
     from voxkernel.pictures.png import _write
+
+    Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
 
     part = (size[0] // 2, (size[1] - _HEAD) // 2)
     page = Image.new("RGB", size, "white")
@@ -64,9 +66,9 @@ def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, D
 
 def _drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
     """One part, larger than needed."""
-    import pyvista
-
     from voxkernel.pictures.png import _light, _silent_vtk
+
+    pyvista = optional("pyvista")
 
     with _silent_vtk():
         pixels = [round(1.5 * v) for v in size]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.pictures.scene import KERNEL, LINE, SURFACE, WITNESS, Scene
 
 __all__ = ["write_png"]
@@ -31,8 +32,7 @@ class _View(NamedTuple):
 
 def write_png(scene: Scene, path: Path, *, title: str, caption: str, size: tuple[int, int]) -> None:
     """Draw the scene, with a close-up where the kernel is too small to be seen."""
-    from PIL import Image, ImageDraw
-
+    Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
     width, height = size
     unit = height / 1000.0
     head = round(120 * unit) if title or caption else 0
@@ -51,8 +51,7 @@ def write_png(scene: Scene, path: Path, *, title: str, caption: str, size: tuple
 
 
 def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _View:
-    import pyvista
-
+    pyvista = optional("pyvista")
     with _silent_vtk():
         pixels = [round(v * _SUPERSAMPLE) for v in size]
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
@@ -192,8 +191,7 @@ def _add_close_up(page: Any, pen: Any, scene: Scene, box: tuple[Any, Any], unit:
 
 
 def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> Any:
-    from PIL import Image
-
+    Image = optional("PIL.Image")
     return Image.fromarray(image).resize(size, Image.Resampling.LANCZOS)
 
 
@@ -210,21 +208,20 @@ def _write(pen: Any, at: tuple[int, int], text: str, size: float, color: str, ro
 
 def _font(size: float) -> Any:
     """DejaVu from Matplotlib, which PyVista brings, knows far more letters than Pillow's own font."""
-    from PIL import ImageFont
-
+    fonts = optional("PIL.ImageFont")
     found = find_spec("matplotlib")
     if found is not None and found.origin is not None:
         file = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
         if file.is_file():
-            return ImageFont.truetype(str(file), round(size))
-    return ImageFont.load_default(round(size))
+            return fonts.truetype(str(file), round(size))
+    return fonts.load_default(round(size))
 
 
 @contextlib.contextmanager
 def _silent_vtk() -> Generator[None]:
     """Keep VTK's search for a display off stderr while drawing."""
-    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
-
+    core = optional("vtkmodules.vtkCommonCore")
+    vtkLogger, vtkObject = core.vtkLogger, core.vtkObject
     level, warns = vtkLogger.GetCurrentVerbosityCutoff(), vtkObject.GetGlobalWarningDisplay()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     vtkObject.GlobalWarningDisplayOff()

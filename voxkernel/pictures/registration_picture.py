@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
 from voxkernel.registration import Registration
 from voxkernel.registration.prepare import PreparedSurface
@@ -94,10 +95,8 @@ def _moved(points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[
 
 
 def _write_html(scenes: Sequence[list[_Body]], path: Path, title: str, words: str) -> None:
-    from importlib import import_module
-
-    go: Any = import_module("plotly.graph_objects")
-    figure = import_module("plotly.subplots").make_subplots(
+    go = optional("plotly.graph_objects")
+    figure = optional("plotly.subplots").make_subplots(
         rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.02, vertical_spacing=0.05,
         specs=[[{"type": "scene"}, {"type": "scene"}]] * 2,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.mesh.polygons import without_strays
 from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
@@ -100,10 +101,8 @@ def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
 
 
 def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
-    from importlib import import_module
-
-    go: Any = import_module("plotly.graph_objects")
-    make_subplots: Any = import_module("plotly.subplots").make_subplots
+    go = optional("plotly.graph_objects")
+    make_subplots = optional("plotly.subplots").make_subplots
     figure = make_subplots(
         rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.05, vertical_spacing=0.07,
         specs=[[{"type": "scene"}, {"type": "scene"}], [{"type": "heatmap"}, {"type": "scene"}]],

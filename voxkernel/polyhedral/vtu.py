@@ -17,6 +17,8 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
+
 __all__ = ["VtuPiece", "parse_vtu"]
 
 _TYPES = {f"{kind}{8 * n}": f"{kind[0].lower()}{n}" for kind in ("Int", "UInt", "Float") for n in (1, 2, 4, 8)}
@@ -174,9 +176,7 @@ class _Source:
         elif self.compressor == "vtkLZMADataCompressor":
             made = lzma.LZMADecompressor(memlimit=1 << 28).decompress(packed, size + 1)
         else:
-            import pyarrow as pa
-
-            made = pa.Codec("lz4_raw").decompress(packed, decompressed_size=size, asbytes=True)
+            made = optional("pyarrow").Codec("lz4_raw").decompress(packed, decompressed_size=size, asbytes=True)
         if len(made) != size:
             raise ValueError(f"a block holds {len(made)} bytes or more, not {size}")
         return made

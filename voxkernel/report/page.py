@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from voxkernel._extras import optional
 from voxkernel._plain import json_text
 from voxkernel.report import charts as charts
 from voxkernel.report.pictures import Pictures
@@ -85,8 +86,7 @@ def render_page(
     """
     from importlib.resources import files
 
-    import jinja2
-
+    jinja2 = optional("jinja2")
     folder = files("voxkernel.report") / "templates"
 
     def read(name: str) -> str:

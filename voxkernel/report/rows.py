@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
+
 __all__ = ["CELL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
 
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
@@ -107,8 +109,7 @@ def load_rows(run: str) -> ReportRows:
 
 def from_table(table: Any) -> ReportRows:
     """Take the columns out of an Arrow table."""
-    import pyarrow as pa
-
+    pa = optional("pyarrow")
     texts: dict[str, list[str]] = {}
     numbers: dict[str, NDArray[np.float64]] = {}
     lists: dict[str, list[list[Any] | None]] = {}

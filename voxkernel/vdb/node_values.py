@@ -2,12 +2,12 @@
 
 import struct
 import zlib
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.errors import GridReadError
 from voxkernel.vdb.file_format import BLOSC, MASKED, ZIP, Source
 
@@ -80,15 +80,6 @@ def pack_bits(count: int, places: NDArray[np.integer[Any]]) -> bytes:
     return np.packbits(bits, bitorder="little").tobytes()
 
 
-def _blosc() -> Any:
-    try:
-        return import_module("blosc")
-    except ImportError as error:
-        raise GridReadError(
-            "a Blosc-compressed .vdb needs the package `blosc`; install it with `pip install blosc`"
-        ) from error
-
-
 def _read_chunk(source: Source, n_bytes: int, flags: int) -> memoryview | bytes:
     """The next values' bytes, decompressed to exactly `n_bytes`."""
     if not flags & (ZIP | BLOSC):
@@ -113,7 +104,7 @@ def _read_chunk(source: Source, n_bytes: int, flags: int) -> memoryview | bytes:
 
 def _unblosc(packed: memoryview, n_bytes: int) -> bytes:
     """Blosc's header states both sizes: they are checked before it allocates anything."""
-    blosc = _blosc()
+    blosc = optional("blosc")
     if len(packed) < _BLOSC_HEADER:
         raise GridReadError(f"Blosc-compressed values must have at least 16 bytes; got {len(packed)}")
     plain_size, _, packed_size = struct.unpack_from("<III", packed, 4)
@@ -137,7 +128,7 @@ def _write_chunk(raw: bytes, flags: int) -> bytes:
     if flags & ZIP:
         packed = zlib.compress(raw)
     else:
-        packed = _blosc().compress(raw, typesize=4, cname="lz4") if len(raw) > 48 else raw
+        packed = optional("blosc").compress(raw, typesize=4, cname="lz4") if len(raw) > 48 else raw
     if len(packed) < len(raw):
         return struct.pack("<q", len(packed)) + packed
     return struct.pack("<q", -len(raw)) + raw

@@ -151,7 +151,7 @@ def read_vdb(path: str | os.PathLike[str]) -> VdbFile:
     ----------
     path : path
         A file of version 222 to 225 (OpenVDB 3 to 13): bool, mask and float grids, float also in half
-        precision; uncompressed, zip- or Blosc-compressed (the latter needs the package `blosc`).
+        precision; uncompressed, zip- or Blosc-compressed (the latter needs the extra `vdb`).
 
     Returns
     -------
@@ -360,7 +360,7 @@ def write_vdb(
         `SparseGrid.to_mask`.
     compression : {"none", "zip", "blosc"}, default "none"
         Of values; masks are never compressed, so that it matters for float grids only. "blosc" needs the
-        package `blosc`.
+        extra `vdb`.
 
     Raises
     ------
