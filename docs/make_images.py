@@ -41,7 +41,7 @@ def draw(script: str) -> None:
     from voxkernel.pictures import surface_picture
 
     mesh = urchin()
-    surface_picture(mesh, voxkernel.exact_kernel(mesh), "urchin_kernel.png", title="", size=(1400, 900))
+    surface_picture("urchin_kernel.png", mesh, voxkernel.exact_kernel(mesh), title="", size=(1400, 900))
 
 
 def main(names: list[str]) -> int:

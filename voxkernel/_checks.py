@@ -7,7 +7,9 @@ exception class given as ``error`` (a mesh constructor passes ``MeshError``).
 
 import math
 import operator
+import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,6 +23,7 @@ __all__ = [
     "as_indices",
     "as_integers",
     "as_nonnegative",
+    "as_path",
     "as_points",
     "as_positive",
     "as_real",
@@ -200,6 +203,13 @@ def as_depth(name: str, value: object, lo: int, hi: int) -> int:
     if not lo <= number <= hi:
         raise ValueError(f"`{name}` must be in {lo}..{hi}; got {number}")
     return number
+
+
+def as_path(name: str, value: object) -> Path:
+    """Path of a file to write, from text or any path; whether it can be written is seen when it is."""
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"`{name}` must be a path; got {type(value).__name__}")
+    return Path(value)
 
 
 def as_choice(name: str, value: object, choices: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from voxkernel.pictures import surface_picture
 
 mesh = voxkernel.as_mesh(torus())
 kernel = voxkernel.exact_kernel(mesh)
-surface_picture(mesh, kernel, "failed_star.png", title="A torus", size=(1300, 900))
+surface_picture("failed_star.png", mesh, kernel, title="A torus", size=(1300, 900))
 
 # %%
 # The proof

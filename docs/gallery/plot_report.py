@@ -46,7 +46,7 @@ command = [sys.executable, "-m", "voxkernel.cli.main", "evaluate", "shapes", "-o
 done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
 print(done.stdout, done.stderr)
 assert done.returncode == 1
-write_report(folder / "run", "report.html", title="Shapes by formula")
+write_report("report.html", folder / "run", title="Shapes by formula")
 
 # %%
 # The table

@@ -20,7 +20,7 @@ def _report(run, data):
 
     chance = zlib.crc32(data) % 100
     path = run / ("report.html" if chance == 0 else "report.md" if chance < 30 else "report.json")
-    write_report(run, path)
+    write_report(path, run)
     text = path.read_bytes().decode("utf-8")
     if path.suffix == ".json":
         json.loads(text)

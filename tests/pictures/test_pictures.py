@@ -32,7 +32,7 @@ def red(pixels):
 
 def draw(tmp_path, made, kernel=None, **options):
     path = tmp_path / "p.png"
-    surface_picture(made, exact_kernel(made) if kernel is None else kernel, path, size=SIZE, **options)
+    surface_picture(path, made, exact_kernel(made) if kernel is None else kernel, size=SIZE, **options)
     pixels = picture(path)
     assert pixels.shape == (SIZE[1], SIZE[0], 3)
     return pixels
@@ -95,7 +95,7 @@ def test_grid_is_drawn(tmp_path):
 
 def test_no_kernel(tmp_path):
     path = tmp_path / "p.png"
-    surface_picture(shapes.cube(), None, path, size=SIZE)
+    surface_picture(path, shapes.cube(), None, size=SIZE)
     assert orange(picture(path)) == 0
 
 
@@ -117,7 +117,7 @@ def test_odd_titles(tmp_path):
 def test_html_is_one_offline_file(tmp_path):
     path = tmp_path / "p.html"
     made = shapes.torus(n_major=8, n_minor=6)
-    surface_picture(made, exact_kernel(made), path, title="<script>alert(1)</script>")
+    surface_picture(path, made, exact_kernel(made), title="<script>alert(1)</script>")
     page = path.read_text(encoding="utf-8")
     assert "&lt;script&gt;alert" in page
     assert "<script>alert" not in page
@@ -129,7 +129,7 @@ def test_html_is_one_offline_file(tmp_path):
 def test_interactive_page_has_a_menu(tmp_path):
     items = [(name, made, exact_kernel(made)) for name, made in (("one", shapes.cube()), ("two", shapes.star_prism()))]
     path = tmp_path / "page.html"
-    interactive_page(items, path)
+    interactive_page(path, items)
     page = path.read_text(encoding="utf-8")
     assert '"label":"one"' in page
     assert '"label":"two"' in page
@@ -138,15 +138,15 @@ def test_interactive_page_has_a_menu(tmp_path):
 
 def test_errors(tmp_path):
     with pytest.raises(ValueError, match=r"`path` must end in \.png or \.html; got 'p\.jpg'"):
-        surface_picture(shapes.cube(), None, tmp_path / "p.jpg")
+        surface_picture(tmp_path / "p.jpg", shapes.cube(), None)
     with pytest.raises(ValueError, match="`size` must be at least 200 pixels"):
-        surface_picture(shapes.cube(), None, tmp_path / "p.png", size=(100, 300))
+        surface_picture(tmp_path / "p.png", shapes.cube(), None, size=(100, 300))
     with pytest.raises(ValueError, match=r"`path` must end in \.html"):
-        interactive_page([("a", shapes.cube(), None)], tmp_path / "p.png")
+        interactive_page(tmp_path / "p.png", [("a", shapes.cube(), None)])
     with pytest.raises(ValueError, match="`items` must hold at least one surface; got 0"):
-        interactive_page([], tmp_path / "p.html")
+        interactive_page(tmp_path / "p.html", [])
     with pytest.raises(OSError, match="no"):
-        surface_picture(shapes.cube(), None, tmp_path / "no" / "p.html")
+        surface_picture(tmp_path / "no" / "p.html", shapes.cube(), None)
 
 
 def test_captions():

@@ -866,9 +866,9 @@ def test_picture(tmp_path):
 
     mesh = PolyhedralMesh.from_faces(*cube_grid(3))
     path = tmp_path / "cells.png"
-    cells_picture(mesh, np.linspace(0, 1, 27), path, label="share", size=(400, 300))
+    cells_picture(path, mesh, np.linspace(0, 1, 27), label="share", size=(400, 300))
     pixels = np.asarray(Image.open(path).convert("RGB"))
     assert pixels.shape == (300, 400, 3)
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
     with pytest.raises(ValueError, match="`values` must have shape"):
-        cells_picture(mesh, [1.0], path)
+        cells_picture(path, mesh, [1.0])

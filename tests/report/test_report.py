@@ -70,7 +70,7 @@ def run(tmp_path):
 
 
 def html_of(run, tmp_path, **options):
-    write_report(run, tmp_path / "report.html", **options)
+    write_report(tmp_path / "report.html", run, **options)
     return (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -88,7 +88,7 @@ def cells(data, key):
 
 def test_summary_counts_what_is_in_the_table(run, rng, tmp_path):
     large_run(run, 600, rng)
-    summary = write_report(run, tmp_path / "s.json")
+    summary = write_report(tmp_path / "s.json", run)
     assert json.loads((tmp_path / "s.json").read_text()) == {"title": "run", **summary}
     rows = load_rows(str(run))
     assert summary["n_rows"] == 600 == sum(summary["counts"].values())
@@ -117,20 +117,20 @@ def tell_left_out(run, left_out):
 
 def test_files_left_out_are_told_wherever_the_run_tells(run, rng, tmp_path):
     write_run(run, [surface_row("a.ply", rng)])
-    assert write_report(run, tmp_path / "s.json")["left_out"] is None  # an older run
+    assert write_report(tmp_path / "s.json", run)["left_out"] is None  # an older run
     assert "left out by suffix" not in html_of(run, tmp_path)
     tell_left_out(run, {})
-    assert write_report(run, tmp_path / "s.json")["left_out"] == []
+    assert write_report(tmp_path / "s.json", run)["left_out"] == []
     assert "left out by suffix" not in html_of(run, tmp_path)
     tell_left_out(run, {"": 1, ".txt": 2000, ".<b>": 1})
-    summary = write_report(run, tmp_path / "s.md")
+    summary = write_report(tmp_path / "s.md", run)
     assert summary["left_out"] == [{"suffix": s, "n": n} for s, n in ((".txt", 2000), ("", 1), (".<b>", 1))]
     told = "2,002 files left out by suffix: 2,000 {}, 1 without suffix, 1 {}."
     assert told.format("`.txt`", "<code>.&#60;b&#62;</code>") in (tmp_path / "s.md").read_text()
     page = html_of(run, tmp_path)
     assert told.format(".txt", ".<b>") in Page(page).text
     tell_left_out(run, {f".{k}": 1 for k in range(10)})
-    write_report(run, tmp_path / "s.md")
+    write_report(tmp_path / "s.md", run)
     assert "10 files left out by suffix: " in (tmp_path / "s.md").read_text()
     assert ", 2 others." in (tmp_path / "s.md").read_text()
 
@@ -140,7 +140,7 @@ def test_left_out_files_that_cannot_be_counted(run, rng, tmp_path, left_out):
     write_run(run, [surface_row("a.ply", rng)])
     tell_left_out(run, left_out)
     with pytest.raises(ValueError, match=r"`left_out` in the settings of '.*run' must be a number of files for each"):
-        write_report(run, tmp_path / "s.md")
+        write_report(tmp_path / "s.md", run)
 
 
 def test_damaged_settings_are_one_line(run, rng, tmp_path, command):
@@ -158,7 +158,7 @@ def test_failures_come_before_anything_else(run, rng, tmp_path):
     assert text.index('id="failures"') < text.index("<h2>Scores")
     assert "2 of 11 rows failed" in Page(text).text
     assert "truncated: 3 of 9 vertices" in Page(text).text
-    write_report(run, tmp_path / "r.md")
+    write_report(tmp_path / "r.md", run)
     markdown = (tmp_path / "r.md").read_text()
     assert markdown.index("2 failed") < markdown.index("Scores")
     assert "`broken.ply`" in markdown
@@ -169,7 +169,7 @@ def test_equal_causes_are_counted_together(run, rng, tmp_path):
     rows += [failed_row(f"set/x{i}.ply", f"'x{i}.ply': the\n file  is empty") for i in range(3)]
     rows += [failed_row("set/y.ply", "'set/other.ply' is the same file"), failed_row("set/z.ply", "'set/z.ply'")]
     write_run(run, rows)
-    assert write_report(run, tmp_path / "r.html")["failures"]["reasons"] == [
+    assert write_report(tmp_path / "r.html", run)["failures"]["reasons"] == [
         {"reason": "cannot be read: the file is empty", "n": 5},
         {"reason": "the file is empty", "n": 3},
         {"reason": "'set/other.ply' is the same file", "n": 1},
@@ -195,13 +195,13 @@ def test_many_different_reasons_stay_readable(run, rng, tmp_path):
     text = html_of(run, tmp_path)
     assert "and 388 more reasons" in Page(text).text
     assert text.count("<tr><td>") == 100
-    write_report(run, tmp_path / "r.md")
+    write_report(tmp_path / "r.md", run)
     assert len((tmp_path / "r.md").read_text()) < 8000
 
 
 def test_a_row_without_a_known_verdict_is_not_lost(run, rng, tmp_path):
     write_run(run, [surface_row("a.ply", rng), surface_row("b.ply", rng, kind="puzzling"), {"file": "c.ply"}])
-    summary = write_report(run, tmp_path / "s.json")
+    summary = write_report(tmp_path / "s.json", run)
     assert summary["counts"] == {"star-shaped": 1, "degenerate": 0, "not star-shaped": 0, "failed": 2}
     assert summary["failures"]["reasons"] == [{"reason": "no reason was recorded", "n": 2}]
 
@@ -216,7 +216,7 @@ def test_small_and_odd_runs(run, rng, tmp_path, rows):
     }[rows]
     write_run(run, made)
     for suffix in FORMATS:
-        summary = write_report(run, tmp_path / f"r{suffix}")
+        summary = write_report(tmp_path / f"r{suffix}", run)
         assert summary["n_rows"] == len(made)
     page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert rows_of(page)["n"] == len(made)
@@ -224,23 +224,23 @@ def test_small_and_odd_runs(run, rng, tmp_path, rows):
 
 def test_cells_of_polyhedral_meshes(run, rng, tmp_path):
     write_run(run, [cell_row("mesh.vtu", k, rng) for k in range(50)] + [surface_row("a.ply", rng)])
-    summary = write_report(run, tmp_path / "r.html")
+    summary = write_report(tmp_path / "r.html", run)
     assert (summary["n_rows"], summary["n_cells"], summary["n_files"]) == (51, 50, 2)
     assert summary["scores"]["volume_share"]["n"] == summary["scores"]["inradius_over_diameter"]["n"] == 50
     page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert "51 rows from 2 files, 50 of them cells" in page.text
     assert page.text.count("Inradius / diameter") == 1
     assert shape_name({"file": "mesh.vtu", "cell": 7}) == "mesh.vtu cell 7"
-    write_report(run, tmp_path / "r.md")
+    write_report(tmp_path / "r.md", run)
     assert re.search(r"`mesh.vtu` cell \d+ \|", (tmp_path / "r.md").read_text())
 
 
 def test_unverified_proofs_are_said_aloud(run, rng, tmp_path):
     write_run(run, [surface_row("a.ply", rng), surface_row("doubt.ply", rng, certificate_verified=False)])
-    summary = write_report(run, tmp_path / "r.html")
+    summary = write_report(tmp_path / "r.html", run)
     assert summary["certificates"]["not_verified"] == [{"file": "doubt.ply", "cell": None}]
     assert "1 answers whose proof was not confirmed" in Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
-    write_report(run, tmp_path / "r.md")
+    write_report(tmp_path / "r.md", run)
     assert "not confirmed" in (tmp_path / "r.md").read_text()
 
 
@@ -258,7 +258,7 @@ def binary_run(run, rng, names=("star", "not star-shaped")):
 
 def test_binary_labels_make_a_confusion_matrix(run, rng, tmp_path):
     binary_run(run, rng)
-    labels = write_report(run, tmp_path / "r.html")["labels"]
+    labels = write_report(tmp_path / "r.html", run)["labels"]
     truth = labels["truth"]
     assert truth["counts"] == [[20, 1, 1, 0], [1, 0, 30, 1]]
     assert truth["accuracy"] == pytest.approx(51 / 53)
@@ -277,17 +277,17 @@ def test_binary_labels_make_a_confusion_matrix(run, rng, tmp_path):
     text = Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
     assert "51 agree with their label" in text
     assert "wrong1.ply : label star, verdict not star-shaped" in text
-    write_report(run, tmp_path / "r.md")
+    write_report(tmp_path / "r.md", run)
     assert "51 of 53 verdicts agree" in (tmp_path / "r.md").read_text()
 
 
 def test_star_labels_may_be_named(run, rng, tmp_path):
     binary_run(run, rng, names=("convex", "torus"))
-    assert write_report(run, tmp_path / "r.json")["labels"]["truth"] is None
-    truth = write_report(run, tmp_path / "r.json", star_labels=["convex"])["labels"]["truth"]
+    assert write_report(tmp_path / "r.json", run)["labels"]["truth"] is None
+    truth = write_report(tmp_path / "r.json", run, star_labels=["convex"])["labels"]["truth"]
     assert (truth["star_labels"], truth["other_labels"], truth["n_right"]) == (["convex"], ["torus"], 51)
     with pytest.raises(ValueError, match=r"`star_labels` must be labels of the run; got \['cube'\]"):
-        write_report(run, tmp_path / "r.json", star_labels=["cube"])
+        write_report(tmp_path / "r.json", run, star_labels=["cube"])
 
 
 @pytest.mark.parametrize(
@@ -302,7 +302,7 @@ def test_labels_that_are_understood(run, rng, names, known):
 
 def test_many_labels_are_bounded(run, rng, tmp_path):
     write_run(run, [surface_row(f"{i}.ply", rng, f"label {i % 300}") for i in range(900)])
-    summary = write_report(run, tmp_path / "r.html")
+    summary = write_report(tmp_path / "r.html", run)
     assert summary["labels"]["n_labels"] == 300
     assert len(summary["labels"]["names"]) == 24
     assert "the 24 most frequent of 300 labels" in Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
@@ -338,7 +338,7 @@ def test_profile_bands_are_in_order(run, rng, tmp_path):
     broken = surface_row("broken.ply", rng, "a", profile_tolerances=[0.0, 1.0], profile_shares=[0.5])
     unknown = surface_row("unknown.ply", rng, "a", profile_shares=[float("nan")] * 26)
     write_run(run, [surface_row(f"{i}.ply", rng, "ab"[i % 2]) for i in range(40)] + [odd, broken, unknown])
-    profile = write_report(run, tmp_path / "r.html")["profile"]
+    profile = write_report(tmp_path / "r.html", run)["profile"]
     assert (profile["n"], profile["n_other_tolerances"], len(profile["groups"])) == (40, 1, 2)
     for group in profile["groups"]:
         bands = np.array([group[q] for q in ("q10", "q25", "median", "q75", "q90")])
@@ -415,7 +415,7 @@ def test_script_hashes_are_those_of_the_scripts(hostile, tmp_path):
 
 
 def test_hostile_names_in_json_are_exact(hostile, tmp_path):
-    summary = write_report(hostile, tmp_path / "r.json")
+    summary = write_report(tmp_path / "r.json", hostile)
     text = (tmp_path / "r.json").read_text(encoding="utf-8")
     assert text.isascii()
     assert json.loads(text)["failures"] == summary["failures"]
@@ -423,7 +423,7 @@ def test_hostile_names_in_json_are_exact(hostile, tmp_path):
 
 
 def test_hostile_names_in_markdown_are_text(hostile, tmp_path):
-    write_report(hostile, tmp_path / "r.md", title=HOSTILE[8], n_worst=100)
+    write_report(tmp_path / "r.md", hostile, title=HOSTILE[8], n_worst=100)
     text = (tmp_path / "r.md").read_text(encoding="utf-8")
     html = MarkdownIt("commonmark").enable(["table", "strikethrough"]).render(text)
     page = Page(html)
@@ -474,7 +474,7 @@ def test_readable_text_is_printable_and_can_be_written(text):
 def test_stray_bytes_of_a_name(run, rng, tmp_path):
     write_run(run, [surface_row("a.ply", rng)])
     for suffix in FORMATS:
-        write_report(run, tmp_path / f"r{suffix}", title="run \udcff\ud800")
+        write_report(tmp_path / f"r{suffix}", run, title="run \udcff\ud800")
         assert "\\udcff" in (tmp_path / f"r{suffix}").read_text(encoding="utf-8").replace("&#92;", "\\")
 
 
@@ -561,7 +561,7 @@ def test_nested_settings_are_shown_as_text(run, rng, tmp_path, command, depth):
     text = "[" * depth + "1" + "]" * depth
     write_run(run, [surface_row("a.ply", rng, settings=text), surface_row("b.ply", rng)])
     for suffix in ("html", "md", "json"):
-        summary = write_report(run, tmp_path / f"a.{suffix}")
+        summary = write_report(tmp_path / f"a.{suffix}", run)
     assert text in [entry["value"] for entry in summary["settings"]]
     code, _, _ = command("report", run, "-o", tmp_path / "b.html")
     assert code == 0
@@ -626,30 +626,30 @@ def test_a_run_may_be_a_url(rng, tmp_path):
 
 def test_errors(run, rng, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"`run` must be the output of an evaluation; got .*does not exist"):
-        write_report(tmp_path / "nothing", tmp_path / "r.html")
+        write_report(tmp_path / "r.html", tmp_path / "nothing")
     (tmp_path / "folder").mkdir()
     with pytest.raises(FileNotFoundError, match="which has no rows"):
-        write_report(tmp_path / "folder", tmp_path / "r.html")
+        write_report(tmp_path / "r.html", tmp_path / "folder")
     write_run(run, [surface_row("a.ply", rng)])
     with pytest.raises(ValueError, match=r"`path` must end in .html, .md or .json, or `format` be given; got 'r.pdf'"):
-        write_report(run, tmp_path / "r.pdf")
+        write_report(tmp_path / "r.pdf", run)
     with pytest.raises(ValueError, match="`format` must be one of html, markdown, json; got 'pdf'"):
-        write_report(run, tmp_path / "r.html", format="pdf")
+        write_report(tmp_path / "r.html", run, format="pdf")
     with pytest.raises(ValueError, match="`n_views` must be 0 or more; got -1"):
-        write_report(run, tmp_path / "r.html", n_views=-1)
+        write_report(tmp_path / "r.html", run, n_views=-1)
     with pytest.raises(ValueError, match="`max_megabytes` must be 0 or more; got nan"):
-        write_report(run, tmp_path / "r.html", max_megabytes=float("nan"))
+        write_report(tmp_path / "r.html", run, max_megabytes=float("nan"))
     with pytest.raises(FileNotFoundError, match="`path` must be in an existing folder"):
-        write_report(run, tmp_path / "no/r.html")
+        write_report(tmp_path / "no/r.html", run)
     assert not [p for p in tmp_path.iterdir() if p.name.endswith(".tmp")]
-    assert write_report(run, tmp_path / "r.txt", format="markdown", n_worst=0)["worst"] == []
+    assert write_report(tmp_path / "r.txt", run, format="markdown", n_worst=0)["worst"] == []
 
 
 def test_reports_do_not_change_between_calls(run, rng, tmp_path):
     large_run(run, 200, rng)
     for suffix in FORMATS:
-        write_report(run, tmp_path / f"a{suffix}")
-        write_report(run, tmp_path / f"b{suffix}")
+        write_report(tmp_path / f"a{suffix}", run)
+        write_report(tmp_path / f"b{suffix}", run)
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
 
 

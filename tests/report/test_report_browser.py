@@ -35,7 +35,7 @@ def report(tmp_path_factory):
     """The report of 10,000 rows, and its rows."""
     folder = tmp_path_factory.mktemp("report")
     large_run(folder / "run", N, np.random.default_rng(20261122))
-    write_report(folder / "run", folder / "report.html")
+    write_report(folder / "report.html", folder / "run")
     return folder / "report.html", load_rows(str(folder / "run"))
 
 
@@ -276,7 +276,7 @@ def test_without_scripts_the_numbers_are_there(opened, report, browser):
 
 def test_cells_have_their_own_columns(opened, rng, tmp_path):
     write_run(tmp_path / "run", [cell_row("cells.vtu", k, rng) for k in range(30)])
-    write_report(tmp_path / "run", tmp_path / "r.html")
+    write_report(tmp_path / "r.html", tmp_path / "run")
     page = opened(tmp_path / "r.html")
     head(page, "volume_share").get_by_role("button").click()
     shares = [float(t) for t in column(page, "Volume share")]

@@ -654,14 +654,14 @@ def test_pictures(tmp_path):
     seen = spherical_map(shapes.open_hemisphere(16, 32), center="deepest")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        sphere_picture(seen, tmp_path / "a.png", samples=seen.sample(n=16), title="hemisphere")
-        sphere_picture(seen, tmp_path / "a.html", samples=seen.sample(n=16), title="<hemisphere>")
+        sphere_picture(tmp_path / "a.png", seen, samples=seen.sample(n=16), title="hemisphere")
+        sphere_picture(tmp_path / "a.html", seen, samples=seen.sample(n=16), title="<hemisphere>")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "&lt;hemisphere&gt;" in page
     assert "radius as a world map" in page
     with pytest.raises(ValueError, match=r"`path` must end in \.png or \.html; got 'a\.jpg'"):
-        sphere_picture(seen, tmp_path / "a.jpg")
+        sphere_picture(tmp_path / "a.jpg", seen)
 
 
 # ---------------------------------------------------------------- real faces

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
     # The shape that is best to turn comes first.
     order = sorted(results, key=lambda r: r["shape"].name != "urchin")
-    interactive_page([(r["shape"].title, r["mesh"], r["score"].kernel) for r in order], folder / "interactive.html")
+    interactive_page(folder / "interactive.html", [(r["shape"].title, r["mesh"], r["score"].kernel) for r in order])
     _write_report(results, folder)
     for r in results:
         score = r["score"]
@@ -75,7 +75,7 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
     write_polygon_ply(score.kernel, folder / f"{shape.name}-kernel.ply")
     write_json(folder / f"{shape.name}-kernel.json", score.kernel.to_dict())
     picture = folder / f"{shape.name}.png"
-    surface_picture(mesh, score.kernel, picture, title=shape.title)
+    surface_picture(picture, mesh, score.kernel, title=shape.title)
     return {
         "shape": shape, "mesh": mesh, "score": score, "seconds": seconds, "picture": picture,
         "verified": score.certificate.verify(),

@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
             from voxkernel.exact import exact_kernel
 
             shown = exact_kernel(mesh, domain=args.domain)
-        surface_picture(mesh, shown, picture, title=display(Path(args.mesh).name))
+        surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import registration_picture
 
         names = " → ".join(display(Path(p).name) for p in (args.source, args.target))
-        registration_picture(source, target, found, picture, title=names)
+        registration_picture(picture, source, target, found, title=names)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -58,11 +58,11 @@ def run(args: argparse.Namespace) -> int:
     if args.output is None:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "report"
-            write_report(args.run, file, format=form, **options)
+            write_report(file, args.run, format=form, **options)
             print(file.read_text(encoding="utf-8"), end="")
         return 0
     target = check_output(args.output, _SUFFIXES) if form is None else check_output(args.output, (".md", ".json", ""))
-    summary = write_report(args.run, target, format=form, **options)
+    summary = write_report(target, args.run, format=form, **options)
     counts = ", ".join(f"{n:,} {name}" for name, n in summary["counts"].items())
     size = target.stat().st_size / 1e6
     say(f"{display(target)}: {summary['n_rows']:,} rows ({counts}), {size:.1f} MB", quiet=args.quiet)

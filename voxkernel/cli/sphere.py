@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     if picture is not None:
         from voxkernel.pictures import sphere_picture
 
-        sphere_picture(sphere, picture, samples=samples, title=display(Path(args.mesh).name))
+        sphere_picture(picture, sphere, samples=samples, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxkernel._checks import as_path
 from voxkernel._extras import optional
 from voxkernel.pictures.png import _silent_vtk
 
@@ -18,9 +19,9 @@ __all__ = ["cells_picture"]
 
 
 def cells_picture(
+    path: str | os.PathLike[str],
     mesh: PolyhedralMesh,
     values: ArrayLike,
-    path: str | os.PathLike[str],
     *,
     label: str = "",
     limits: tuple[float, float] | None = None,
@@ -33,6 +34,9 @@ def cells_picture(
     """
     pyvista = optional("pyvista")
 
+    target = as_path("path", path)
+    if target.suffix.lower() != ".png":
+        raise ValueError(f"`path` must end in .png; got '{target.name}'")
     shades = np.asarray(values, dtype=np.float64)
     if shades.shape != (len(mesh),):
         raise ValueError(f"`values` must have shape ({len(mesh)},); got {shades.shape}")
@@ -60,7 +64,7 @@ def cells_picture(
             plotter.camera.zoom(1.25)
             plotter.camera.SetWindowCenter(0.0, -0.1)
             plotter.enable_anti_aliasing("ssaa")
-            plotter.screenshot(os.fspath(path))
+            plotter.screenshot(os.fspath(target))
         finally:
             plotter.close()
 

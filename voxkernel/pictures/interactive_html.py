@@ -27,7 +27,7 @@ class Plate(NamedTuple):
     caption: str
 
 
-def write_html(plates: Sequence[Plate], path: Path) -> None:
+def write_html(path: Path, plates: Sequence[Plate]) -> None:
     """Write a page that shows the first plate; a menu changes between several."""
     go = optional("plotly.graph_objects")
     groups = [_traces(go, plate.scene) for plate in plates]
@@ -53,7 +53,7 @@ def write_html(plates: Sequence[Plate], path: Path) -> None:
         updatemenus=[menu] if len(plates) > 1 else [],
     )  # fmt: skip
     name = _clean(plates[0].title if len(plates) == 1 else "voxkernel")
-    save_page(figure, path, name, style="overflow:hidden")
+    save_page(path, figure, name, style="overflow:hidden")
 
 
 def _heading(plate: Plate) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._checks import as_path
 from voxkernel._extras import optional
 
 __all__ = ["INK", "PALE", "Draw", "check_picture", "heading", "save_page", "write_parts"]
@@ -23,7 +24,7 @@ Draw = Callable[[Any, Any], None]
 
 def check_picture(path: str | os.PathLike[str]) -> tuple[Path, str]:
     """Give the path and its suffix, which says what to write."""
-    target = Path(path)
+    target = as_path("path", path)
     kind = target.suffix.lower()
     if kind not in (".png", ".html"):
         raise ValueError(f"`path` must end in .png or .html; got '{target.name}'")
@@ -36,7 +37,7 @@ def heading(title: str, words: str) -> dict[str, Any]:
     return {"text": text, "x": 0.03, "xanchor": "left", "y": 0.97, "font": {"color": INK, "size": 24}}
 
 
-def save_page(figure: Any, path: Path, name: str, *, style: str = "") -> None:
+def save_page(path: Path, figure: Any, name: str, *, style: str = "") -> None:
     """Write a plotly figure as one page that fills the window and needs no network."""
     config = {"displaylogo": False, "responsive": True}
     page: str = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="100%")

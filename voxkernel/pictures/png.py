@@ -30,7 +30,7 @@ class _View(NamedTuple):
     kernel_at: NDArray[np.float64] | None  # (2, 2): pixel box of the kernel, y down
 
 
-def write_png(scene: Scene, path: Path, *, title: str, caption: str, size: tuple[int, int]) -> None:
+def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple[int, int]) -> None:
     """Draw the scene, with a close-up where the kernel is too small to be seen."""
     Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
     width, height = size

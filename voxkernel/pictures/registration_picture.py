@@ -30,10 +30,10 @@ class _Body(NamedTuple):
 
 
 def registration_picture(
+    path: str | os.PathLike[str],
     source: PreparedSurface,
     target: PreparedSurface,
     found: Registration,
-    path: str | os.PathLike[str],
     *,
     title: str = "",
     size: tuple[int, int] = (1400, 1200),
@@ -42,12 +42,12 @@ def registration_picture(
 
     Parameters
     ----------
+    path : str or os.PathLike
+        Ends in ``.png`` (no display needed) or ``.html`` (one offline page that can be turned).
     source, target : PreparedSurface
         From `prepare_surface`.
     found : Registration
         What `register` found for them.
-    path : str or os.PathLike
-        Ends in ``.png`` (no display needed) or ``.html`` (one offline page that can be turned).
     title : str
         Heading.
     size : (int, int)
@@ -68,7 +68,7 @@ def registration_picture(
         + (f"; {found.reason}" if found.reason else "")
     )
     if kind == ".html":
-        _write_html(scenes, place, title, words)
+        _write_html(place, scenes, title, words)
     else:
         parts = [(name, partial(_draw, bodies=bodies)) for name, bodies in zip(_NAMES, scenes, strict=True)]
         write_parts(place, title, words, parts, size)
@@ -94,7 +94,7 @@ def _moved(points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[
     return points @ motion[:3, :3].T + motion[:3, 3]
 
 
-def _write_html(scenes: Sequence[list[_Body]], path: Path, title: str, words: str) -> None:
+def _write_html(path: Path, scenes: Sequence[list[_Body]], title: str, words: str) -> None:
     go = optional("plotly.graph_objects")
     figure = optional("plotly.subplots").make_subplots(
         rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.02, vertical_spacing=0.05,
@@ -116,7 +116,7 @@ def _write_html(scenes: Sequence[list[_Body]], path: Path, title: str, words: st
         title=heading(title, words), margin={"l": 10, "r": 10, "t": 110, "b": 20}, paper_bgcolor="white",
         legend={"orientation": "h", "y": -0.02}, font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
     )  # fmt: skip
-    save_page(figure, path, title or "registration")
+    save_page(path, figure, title or "registration")
 
 
 def _draw(plotter: Any, pyvista: Any, bodies: list[_Body]) -> None:

@@ -44,16 +44,16 @@ class _Panels:
 
 
 def sphere_picture(
-    sphere: SphericalMap, path: str | os.PathLike[str], *, samples: RadialGrid | None = None, title: str = ""
+    path: str | os.PathLike[str], sphere: SphericalMap, *, samples: RadialGrid | None = None, title: str = ""
 ) -> None:
     """Draw a spherical map in four parts.
 
     Parameters
     ----------
-    sphere : SphericalMap
-        What `spherical_map` gave.
     path : str or os.PathLike
         ``.png``, or ``.html`` for one page that needs no network (5 to 15 MB).
+    sphere : SphericalMap
+        What `spherical_map` gave.
     samples : RadialGrid, optional
         The grid that is reconstructed; `sphere.sample()` by default.
     title : str
@@ -70,9 +70,9 @@ def sphere_picture(
     panels = _panels(sphere, sphere.sample() if samples is None else samples)
     words = _caption(sphere)
     if kind == ".html":
-        _write_html(panels, target, title, words)
+        _write_html(target, panels, title, words)
     else:
-        _write_png(panels, target, title, words)
+        _write_png(target, panels, title, words)
 
 
 def _caption(sphere: SphericalMap) -> str:
@@ -100,7 +100,7 @@ def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
     )  # fmt: skip
 
 
-def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
+def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
     go = optional("plotly.graph_objects")
     make_subplots = optional("plotly.subplots").make_subplots
     figure = make_subplots(
@@ -157,7 +157,7 @@ def _write_html(panels: _Panels, path: Path, title: str, words: str) -> None:
         margin={"l": 60, "r": 20, "t": 110, "b": 40}, paper_bgcolor="white", plot_bgcolor=_UNSEEN, showlegend=False,
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
     )  # fmt: skip
-    save_page(figure, path, title or "spherical map")
+    save_page(path, figure, title or "spherical map")
 
 
 def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -168,7 +168,7 @@ def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return longitude, latitude, np.roll(radii[::-1], columns // 2, axis=1)
 
 
-def _write_png(panels: _Panels, path: Path, title: str, words: str) -> None:
+def _write_png(path: Path, panels: _Panels, title: str, words: str) -> None:
     draws = (_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)
     parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_NAMES, draws, strict=True)]
     write_parts(path, title, words, parts, _SIZE)

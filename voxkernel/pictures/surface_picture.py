@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
+from voxkernel._checks import as_path
 from voxkernel.mesh import as_mesh
 from voxkernel.pictures.interactive_html import Plate, write_html
 from voxkernel.pictures.parts import check_picture
@@ -18,9 +18,9 @@ __all__ = ["interactive_page", "sphere_picture", "surface_picture"]
 
 
 def surface_picture(
+    path: str | os.PathLike[str],
     surface: Any,
     kernel: Any,
-    path: str | os.PathLike[str],
     *,
     title: str = "",
     caption: str | None = None,
@@ -30,13 +30,13 @@ def surface_picture(
 
     Parameters
     ----------
+    path : str or os.PathLike
+        ``.png`` for a picture, ``.html`` for one page that needs no network (about 5 MB).
     surface : mesh, path or (vertices, faces)
         Anything `as_mesh` takes.
     kernel : KernelPolytope, KernelGrid or None
         What `exact_kernel` or `voxel_kernel` gave for the surface. Of an empty kernel the facets of its
         certificate are drawn in red, each with a piece of its plane and an arrow to its inner side.
-    path : str or os.PathLike
-        ``.png`` for a picture, ``.html`` for one page that needs no network (about 5 MB).
     title, caption : str
         Words above the picture; the caption says verdict, volume and ratio by default.
     size : (int, int)
@@ -61,7 +61,7 @@ def surface_picture(
     >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder) / "tetrahedron.html"
-    ...     surface_picture(tetrahedron, voxkernel.exact_kernel(tetrahedron), file)
+    ...     surface_picture(file, tetrahedron, voxkernel.exact_kernel(tetrahedron))
     ...     "star-shaped" in file.read_text(encoding="utf-8")
     True
     """
@@ -72,20 +72,20 @@ def surface_picture(
     words = caption_of(mesh, kernel) if caption is None else caption
     scene = make_scene(mesh, kernel)
     if kind == ".png":
-        write_png(scene, target, title=title, caption=words, size=size)
+        write_png(target, scene, title=title, caption=words, size=size)
     else:
-        write_html([Plate(scene, title, words)], target)
+        write_html(target, [Plate(scene, title, words)])
 
 
-def interactive_page(items: Sequence[tuple[str, Any, Any]], path: str | os.PathLike[str]) -> None:
+def interactive_page(path: str | os.PathLike[str], items: Sequence[tuple[str, Any, Any]]) -> None:
     """Write one offline HTML page with a menu of surfaces and their kernels.
 
     Parameters
     ----------
-    items : sequence of (title, surface, kernel)
-        At least one; surface and kernel as in `surface_picture`.
     path : str or os.PathLike
         Ends in ``.html``.
+    items : sequence of (title, surface, kernel)
+        At least one; surface and kernel as in `surface_picture`.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def interactive_page(items: Sequence[tuple[str, Any, Any]], path: str | os.PathL
     OSError
         If the file cannot be written.
     """
-    target = Path(path)
+    target = as_path("path", path)
     if target.suffix.lower() != ".html":
         raise ValueError(f"`path` must end in .html; got '{target.name}'")
     if not items:
@@ -103,4 +103,4 @@ def interactive_page(items: Sequence[tuple[str, Any, Any]], path: str | os.PathL
     for title, surface, kernel in items:
         mesh = as_mesh(surface)
         plates.append(Plate(make_scene(mesh, kernel), title, caption_of(mesh, kernel)))
-    write_html(plates, target)
+    write_html(target, plates)

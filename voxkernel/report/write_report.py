@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from voxkernel._checks import as_path
 from voxkernel._output_file import whole_file
 from voxkernel._plain import json_text, plain
 from voxkernel.report.rows import ReportRows, load_rows
@@ -18,8 +19,8 @@ _SUFFIXES: dict[str, Format] = {".html": "html", ".htm": "html", ".md": "markdow
 
 
 def write_report(
-    run: str | os.PathLike[str],
     path: str | os.PathLike[str],
+    run: str | os.PathLike[str],
     *,
     format: Literal["html", "markdown", "json"] | None = None,
     title: str | None = None,
@@ -32,11 +33,11 @@ def write_report(
 
     Parameters
     ----------
+    path : str or os.PathLike
+        File to write.
     run : str or os.PathLike
         Folder or URL that `evaluate` wrote. Its table is read, the thumbnails and views the table names, and which
         files were left out, from `settings.json`; never a mesh.
-    path : str or os.PathLike
-        File to write.
     format : {"html", "markdown", "json"}, optional
         By default from the suffix of `path`: .html, .md or .json.
     title : str, optional
@@ -79,11 +80,11 @@ def write_report(
     >>> row = {"file": "cube.ply", "status": "ok", "verdict": "star-shaped", "ratio": 1.0}
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = write_part(*open_run(folder), [row])
-    ...     summary = write_report(folder, pathlib.Path(folder) / "report.html")
+    ...     summary = write_report(pathlib.Path(folder) / "report.html", folder)
     >>> summary["counts"]["star-shaped"]
     1
     """
-    target = Path(path)
+    target = as_path("path", path)
     kind = _format_of(target, format)
     for name, value in (("n_views", n_views), ("n_worst", n_worst), ("max_megabytes", max_megabytes)):
         if not value >= 0:
