@@ -17,7 +17,6 @@ from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
 from voxkernel.halfspaces.surface_arguments import halfspaces_of, relaxed_domain
 from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh.polygons import used_vertices
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
 from voxkernel.relaxed.violation import Weights, violated_units
@@ -181,7 +180,7 @@ def _searched(
     is_coarse = len(planes.facets) <= _COARSE
     seeds = point[None]
     if mesh is not None and is_coarse:
-        seeds = np.concatenate([seeds, used_vertices(mesh.vertices, mesh.faces)])
+        seeds = np.concatenate([seeds, mesh.used_vertices])
     border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
     seeds = seeds[violated_units(border, seeds) == 0]
     best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)

@@ -207,7 +207,7 @@ def _exact(
         dimension, corners = kernel.dimension, kernel.vertices
     else:
         dimension = find_feasibility(planes).dimension
-        corners = region.vertices if region is not None else surface.vertices[np.unique(surface.faces)]
+        corners = region.vertices if region is not None else surface.used_vertices
     planes = planes.merged()
     if rtol is not None:
         return _refined(planes, corners, dimension, region, axes, rtol)
