@@ -6,9 +6,12 @@ import sys
 import warnings
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from voxkernel._extras import optional
 
-__all__ = ["open3d"]
+__all__ = ["open3d", "open3d_mesh", "ray_scene"]
 
 _LIBUSB = "libusb-1.0.so.0"
 
@@ -58,3 +61,23 @@ def open3d() -> Any:
     except OSError as error:
         hint = "`pip install libusb-package` may help"
         raise ImportError(f"open3d cannot be loaded: {error} ({hint})") from error
+
+
+def open3d_mesh(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:
+    """Copy triangles into an `open3d.geometry.TriangleMesh`; it refuses arrays that are read-only."""
+    library = open3d()
+    return library.geometry.TriangleMesh(
+        library.utility.Vector3dVector(vertices.copy()), library.utility.Vector3iVector(faces.astype(np.int32))
+    )
+
+
+def ray_scene(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:
+    """Put triangles into an `open3d.t.geometry.RaycastingScene`: for rays and nearest points, in single precision.
+
+    Give vertices near the origin and of size about 1.
+    """
+    library = open3d()
+    scene = library.t.geometry.RaycastingScene()
+    tensor = library.core.Tensor
+    scene.add_triangles(tensor(vertices.astype(np.float32)), tensor(faces.astype(np.uint32)))
+    return scene

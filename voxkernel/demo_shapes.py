@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh.edges import half_edges
 
 __all__ = ["SHAPES", "DemoShape", "comet", "face", "gem", "s_prism", "star_prism", "torus", "urchin"]
 
@@ -156,9 +157,9 @@ def _icosphere(subdivisions: int) -> tuple[NDArray[np.float64], NDArray[np.int64
     faces[inward] = faces[inward, ::-1]
     points /= np.linalg.norm(points[0])
     for _ in range(subdivisions):
-        ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        pairs, middle = np.unique(ends, axis=0, return_inverse=True)
-        ab, bc, ca = (len(points) + middle.reshape(-1, 3)).T
+        edges = half_edges(faces, len(points))
+        pairs = edges.ends(faces)
+        ab, bc, ca = (len(points) + edges.numbers().reshape(-1, 3)).T
         a, b, c = faces.T
         faces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
         new = points[pairs].sum(axis=1)

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         write_json(output, document)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if moved is not None:
-        _moved(source.mesh, found).write(moved)
+        source.mesh.transformed(found.T_target_source).write(moved)
         say(f"wrote {display(moved)}", quiet=args.quiet)
     if picture is not None:
         from voxkernel.pictures import registration_picture
@@ -90,14 +90,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_table(_rows(args, found))
     return 0 if found.converged else 1
-
-
-def _moved(mesh: Any, found: Any) -> Any:
-    from dataclasses import replace
-
-    from voxkernel._checks import read_only
-
-    return replace(mesh, vertices=read_only(found.apply(mesh.vertices)), _facts=None, _plane_areas=None)
 
 
 def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:

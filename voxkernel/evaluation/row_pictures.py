@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from voxkernel.evaluation.settings import EvaluateSettings
 from voxkernel.measures import Starshapeness
 from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh.polygons import without_strays
+from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.scene import Scene, make_scene
 from voxkernel.voxels import voxel_kernel
 

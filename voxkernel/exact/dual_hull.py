@@ -21,6 +21,7 @@ from voxkernel._core import (
 )
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.mesh.triangles import doubled_normals
 
 __all__ = [
     "DualHull",
@@ -121,9 +122,7 @@ def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]
     vertex_ids = np.empty(len(order), np.int64)
     vertex_ids[order] = np.cumsum(fresh) - 1
     unique = ordered[fresh]
-    corners = points[hull.simplices]
-    turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    side = np.einsum("ij,ij->i", turn, equations[:, :3])
+    side = np.einsum("ij,ij->i", doubled_normals(points[hull.simplices]), equations[:, :3])
     largest = int(np.abs(side).argmax())
     simplices = hull.simplices.astype(np.int64)
     alike, is_connected = consistent_turns(simplices, hull.neighbors.astype(np.int64), largest)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel.grid.leaf_bits import unpack
+from voxkernel.grid.morton import interleaved
 from voxkernel.grid.sparse_grid import SparseGrid
 
 __all__ = ["LinearOctree", "to_linear_octree"]
@@ -79,12 +80,10 @@ def to_linear_octree(inside: SparseGrid, boundary: SparseGrid | None = None) -> 
         return LinearOctree(np.zeros(0, np.uint64), log2, verdict, np.zeros(3, np.int64))
     unit = np.int64(1) << max(int(log2.max()), 3)
     low = corner.min(axis=0) // unit * unit
-    local = (corner - low).astype(np.uint64)
+    local = corner - low
     if local.max() >= 1 << 21:
         raise ValueError(f"`inside` must extend over at most 2**21 voxels; got {int(local.max()) + 1}")
-    key = np.zeros(len(corner), dtype=np.uint64)
-    for axis in range(3):
-        key |= _spread(local[:, axis]) << np.uint64(2 - axis)
+    key = interleaved(local).astype(np.uint64)
     order = np.argsort(key, kind="stable")
     return LinearOctree(key[order], log2[order], verdict[order], low)
 
@@ -104,16 +103,3 @@ def _octree_cells(grid: SparseGrid) -> tuple[NDArray[np.int64], NDArray[np.int8]
         sizes.append(np.full(len(owner), log2, dtype=np.int8))
         left = (blocks & ~is_full[:, :, None, :, None, :, None]).reshape(-1, 8, 8, 8)
     return np.concatenate(corners), np.concatenate(sizes)
-
-
-def _spread(number: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """21 bits with two zero bits between them."""
-    for shift, mask in (
-        (32, 0x001F00000000FFFF),
-        (16, 0x001F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        number = (number | (number << np.uint64(shift))) & np.uint64(mask)
-    return number

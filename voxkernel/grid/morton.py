@@ -11,7 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MAX_LOG2", "REACH", "Cut", "count_up", "decode", "decompose", "encode", "last_of", "parent_of"]
+__all__ = [
+    "MAX_LOG2", "REACH", "Cut", "count_up", "decode", "decompose", "encode", "interleaved", "last_of", "parent_of",
+]  # fmt: skip
 
 REACH = 1 << 23
 """Voxel coordinates lie in [-REACH, REACH)."""
@@ -48,9 +50,14 @@ _GATHER = _gather_table()
 
 def encode(leaf: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     """Codes (n,) of leaf coordinates (n, 3), each in [-2**20, 2**20)."""
-    code = np.zeros(len(leaf), dtype=np.int64)
+    return interleaved(leaf, _LEAF_REACH)
+
+
+def interleaved(ijk: NDArray[np.signedinteger], shift: int = 0) -> NDArray[np.int64]:
+    """Interleave the bits of ``ijk + shift`` (n, 3), each in [0, 2**21), x in the highest place."""
+    code = np.zeros(len(ijk), dtype=np.int64)
     for axis in range(3):
-        shifted = leaf[:, axis].astype(np.int64) + _LEAF_REACH
+        shifted = ijk[:, axis].astype(np.int64) + shift
         spread = _SPREAD[shifted >> 11]
         spread <<= 33
         spread |= _SPREAD[shifted & _LOW]

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import read_only
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
-from voxkernel.mesh.polygons import used_vertices
+from voxkernel.mesh.edges import half_edges
+from voxkernel.mesh.triangles import doubled_areas
 
 __all__ = [
     "Domain",
@@ -116,7 +117,7 @@ def ball_domain(mesh: TriangleMesh, *, factor: float = BALL_FACTOR) -> Domain:
         Of kind "ball".
     """
     centroid, frame = surface_frame(mesh)
-    used = used_vertices(mesh.vertices, mesh.faces)
+    used = mesh.used_vertices
     radius = factor * float(np.sqrt(((used - centroid) ** 2).sum(axis=1).max()))
     unit = _unit_ball()
     normals = unit.normals @ frame
@@ -146,7 +147,7 @@ def hull_domain(mesh: TriangleMesh) -> Domain:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    used = used_vertices(mesh.vertices, mesh.faces)
+    used = mesh.used_vertices
     center = used.mean(axis=0)
     try:
         hull = ConvexHull(used - center)
@@ -183,8 +184,7 @@ def box_domain(mesh: TriangleMesh) -> Domain:
     ValueError
         If the box is flat.
     """
-    used = used_vertices(mesh.vertices, mesh.faces)
-    low, high = used.min(axis=0), used.max(axis=0)
+    low, high = mesh.bounds
     if not (high > low).all():
         raise ValueError("`domain` must have a volume; got the bounding box of a surface that lies in one plane")
     return _make("box", np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low]))
@@ -233,7 +233,7 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
     """
     origin = mesh.vertices[mesh.faces[0, 0]]
     corners = mesh.vertices[mesh.faces] - origin
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 0.5 * doubled_areas(corners)
     total = areas.sum()
     middles = corners.mean(axis=1)
     mean = areas @ middles / total
@@ -297,12 +297,8 @@ def _geodesic_directions(subdivisions: int) -> NDArray[np.float64]:
     points = np.array([(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)], dtype=np.float64)
     points = np.concatenate([np.roll(points, k, axis=1) for k in range(3)])
     for _ in range(subdivisions):
-        simplices = ConvexHull(points).simplices
-        edges = np.unique(
-            np.sort(np.concatenate([simplices[:, [0, 1]], simplices[:, [1, 2]], simplices[:, [2, 0]]])),
-            axis=0,
-        )
-        middles = points[edges].sum(axis=1)
+        simplices = np.asarray(ConvexHull(points).simplices, dtype=np.int64)
+        middles = points[half_edges(simplices, len(points)).ends(simplices)].sum(axis=1)
         points = np.concatenate([points, middles])
         points /= np.linalg.norm(points, axis=1)[:, None]
     return points

@@ -12,6 +12,7 @@ from voxkernel._checks import read_only
 from voxkernel.exact import KernelPolytope
 from voxkernel.grid import SparseGrid
 from voxkernel.grid.leaf_bits import unpack
+from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.voxels import KernelGrid
 
 __all__ = ["KernelMoments", "kernel_moments", "moments_of"]
@@ -180,8 +181,8 @@ def _of_polytope(kernel: KernelPolytope) -> KernelMoments:
 
 def _of_simplices(corners: NDArray[np.float64], dimension: int) -> KernelMoments:
     """Moments of segments (n, 2, 3) or triangles (n, 3, 3)."""
-    edges = corners[:, 1:] - corners[:, :1]
-    size = np.linalg.norm(edges[:, 0] if edges.shape[1] == 1 else 0.5 * np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    sides = corners[:, 1] - corners[:, 0] if corners.shape[1] == 2 else 0.5 * doubled_normals(corners)
+    size = np.linalg.norm(sides, axis=1)
     total = float(size.sum())
     if total == 0.0:
         return _made(0, 1.0, corners.reshape(-1, 3).mean(axis=0), np.zeros((3, 3)))

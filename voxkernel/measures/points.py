@@ -13,6 +13,7 @@ from voxkernel._checks import as_depth, read_only
 from voxkernel.exact import KernelPolytope
 from voxkernel.grid import SparseGrid
 from voxkernel.mesh.surface_samples import spread_samples
+from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.voxels import KernelGrid
 
 __all__ = ["KernelPoints", "kernel_points"]
@@ -160,7 +161,7 @@ def _fill(kernel: KernelPolytope, count: int) -> tuple[NDArray[np.float64], NDAr
     low, high = local.min(axis=0), local.max(axis=0)
     rows = kernel.to_mesh()
     corners = local[rows.plane_corners]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = doubled_normals(corners)
     offsets = np.einsum("ij,ij->i", normals, corners[:, 0])
     step = (kernel.volume / count) ** (1.0 / 3.0)
     # Of a kernel that is thin in one direction or two, cubes of that volume would be more than there is memory for.

@@ -13,6 +13,7 @@ from voxkernel._checks import as_depth, as_points, as_positive
 from voxkernel._core import faces_away
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh.triangles import doubled_areas, triple_products
 from voxkernel.relaxed.facet_weights import UNITS, weigh
 from voxkernel.relaxed.violation import violated_units
 
@@ -168,7 +169,7 @@ def _times_around(mesh: TriangleMesh, point: NDArray[np.float64]) -> float:
     """
     a, b, c = np.moveaxis(_corners(mesh, point), 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    volume = triple_products(a, b, c)
     ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
     return float(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (2.0 * np.pi))
 
@@ -176,7 +177,7 @@ def _times_around(mesh: TriangleMesh, point: NDArray[np.float64]) -> float:
 def _areas_facing(mesh: TriangleMesh, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Areas of the triangles, 0 for those that turn their back to the point."""
     corners = _corners(mesh, point)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 0.5 * doubled_areas(corners)
     areas[faces_away(mesh.vertices, mesh.faces, point)] = 0.0
     return areas
 
@@ -185,16 +186,11 @@ def _share_seen(
     mesh: TriangleMesh, point: NDArray[np.float64], areas: NDArray[np.float64], count: int, rng: np.random.Generator
 ) -> float:
     """Cast a ray to one random spot in each of `count` strata of equal area."""
-    from voxkernel._open3d import open3d
+    from voxkernel._open3d import open3d, ray_scene
 
     o3d = open3d()
     corners = _corners(mesh, point)
-    scene = o3d.t.geometry.RaycastingScene()
-    n = len(corners)
-    scene.add_triangles(
-        o3d.core.Tensor(corners.reshape(-1, 3).astype(np.float32)),
-        o3d.core.Tensor(np.arange(3 * n, dtype=np.uint32).reshape(n, 3)),
-    )
+    scene = ray_scene(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3))
     ends = np.cumsum(areas)
     at = (np.arange(count) + rng.random(count)) * (ends[-1] / count)
     ids = np.minimum(np.searchsorted(ends, at, side="right"), np.flatnonzero(areas)[-1])

@@ -20,6 +20,23 @@ class HalfEdges(NamedTuple):
     n_faces: NDArray[np.int64]  # (e,) triangles at each edge
     forward: NDArray[np.bool_]  # per entry of `order`: from the smaller to the larger vertex id?
 
+    def ends(self, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(e, 2) vertex ids of every edge, the smaller first; in lexicographic order."""
+        some = self.order[self.first]
+        tail, head = faces.reshape(-1)[some], faces[:, [1, 2, 0]].reshape(-1)[some]
+        return np.stack([np.minimum(tail, head), np.maximum(tail, head)], axis=1)
+
+    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The two half-edges of every edge where exactly two triangles meet."""
+        at = self.first[self.n_faces == 2]
+        return self.order[at], self.order[at + 1]
+
+    def numbers(self) -> NDArray[np.int64]:
+        """(3 m,) the edge of every half-edge."""
+        edge = np.empty(len(self.order), dtype=np.int64)
+        edge[self.order] = np.repeat(np.arange(len(self.first)), self.n_faces)
+        return edge
+
 
 def half_edges(faces: NDArray[np.int64], n_vertices: int) -> HalfEdges:
     """One sort gives every edge fact."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import HalfEdges, are_oriented, edge_parts, half_edges, loops_of
-from voxkernel.mesh.polygons import scale_exponent, scaled_triangle_areas, unscaled
+from voxkernel.mesh.triangles import bounds_of, scale_exponent, scaled_triangle_areas, triple_products, unscaled
 from voxkernel.mesh.zero_area import exact_integers, is_degenerate
 
 __all__ = ["MeshFacts", "mesh_facts"]
@@ -108,7 +108,7 @@ def _n_components(faces: NDArray[np.int64], used: NDArray[np.bool_]) -> int:
 
 def _is_vertex_manifold(edges: HalfEdges, faces: NDArray[np.int64], n_used: int) -> bool:
     """One fan of triangles round every vertex? Corners of a closed surface are linked across edges."""
-    left, right = edges.order[edges.first], edges.order[edges.first + 1]
+    left, right = edges.pairs()
     next_left, next_right = left - left % 3 + (left + 1) % 3, right - right % 3 + (right + 1) % 3
     rows, columns = np.concatenate([left, next_left]), np.concatenate([next_right, right])
     return components(faces.size, rows, columns)[0] == n_used
@@ -178,7 +178,7 @@ def mesh_facts(
     """All facts of a checked mesh in one pass; sums run about the bounding box's centre."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.reshape(-1)] = True
-    bbox = np.stack([vertices[used].min(axis=0), vertices[used].max(axis=0)])
+    bbox = bounds_of(vertices[used])
     exponent = scale_exponent(bbox)
     size = 0.5 * bbox[1] - 0.5 * bbox[0]
     centre = 0.5 * bbox[0] + 0.5 * bbox[1]
@@ -208,7 +208,7 @@ def mesh_facts(
     if is_closed and is_oriented:
         n_parts, labels = edge_parts(edges, len(solid))
         a, b, c = (local[solid[:, k]] for k in range(3))
-        six_volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+        six_volumes = triple_products(a, b, c)
         volume = float(unscaled(six_volumes.sum() / 6.0, 3 * exponent))
         is_outward = _component_signs(vertices, solid, local, six_volumes, n_parts, labels)
         if n_components == 1 and _is_vertex_manifold(edges, solid, int(on_solid.sum())):

@@ -17,6 +17,7 @@ from voxkernel.mesh.obj import parse_obj
 from voxkernel.mesh.off import parse_off
 from voxkernel.mesh.ply import Polygons, format_ply, parse_ply
 from voxkernel.mesh.stl import parse_stl
+from voxkernel.mesh.triangles import unit_normals
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
 
@@ -104,8 +105,6 @@ def _format_stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> byte
         len(faces), dtype=[("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
     )
     corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    rows["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    rows["normal"] = unit_normals(corners)
     rows["corners"] = corners
     return bytes(80) + len(faces).to_bytes(4, "little") + rows.tobytes()

@@ -10,19 +10,9 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_integers
 from voxkernel.errors import MeshError
 from voxkernel.mesh.ears import cut_ears
+from voxkernel.mesh.triangles import scale_exponent, triangle_areas, unscaled
 
-__all__ = [
-    "CutPolygons",
-    "flatten_polygons",
-    "polygon_planes",
-    "scale_exponent",
-    "scaled_triangle_areas",
-    "triangle_areas",
-    "unscaled",
-    "used_vertices",
-    "without_strays",
-]
-
+__all__ = ["CutPolygons", "flatten_polygons", "polygon_planes"]
 
 _FEW_CORNERS = 256  # `_loops/cell_planes.py` leaves larger polygons to this file
 _MAX_PASSES = 32
@@ -55,54 +45,6 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
     except TypeError:
         raise TypeError("`polygons` must be a sequence of index sequences; got a flat sequence") from None
     return as_integers("polygons", joined, shape="(n,)", ndim=1, error=MeshError), sizes
-
-
-def scale_exponent(vertices: NDArray[np.float64]) -> int:
-    """The e with max |coordinate| in [2**(e-1), 2**e): products of coordinates / 2**e cannot overflow."""
-    return int(np.frexp(max(float(vertices.max()), -float(vertices.min())))[1])
-
-
-def used_vertices(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The vertices that a face refers to, in order: no other one may change an answer."""
-    used = np.zeros(len(vertices), np.bool_)
-    used[faces.ravel()] = True
-    return vertices if used.all() else vertices[used]
-
-
-def without_strays(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Leave out the vertices that no face refers to; the arrays themselves where there are none."""
-    used = np.zeros(len(vertices), np.bool_)
-    used[faces.ravel()] = True
-    if used.all():
-        return vertices, faces
-    return vertices[used], (np.cumsum(used) - 1)[faces]
-
-
-def unscaled(values: Any, exponent: int) -> Any:
-    """``values * 2**exponent``; infinite where that is too large for a float."""
-    with np.errstate(over="ignore", under="ignore"):
-        return np.ldexp(values, exponent)
-
-
-def triangle_areas(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(m,) areas; differences first, so a mesh far from the origin loses nothing."""
-    exponent = scale_exponent(vertices)
-    return unscaled(scaled_triangle_areas(vertices, triangles, exponent), 2 * exponent)
-
-
-def scaled_triangle_areas(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64], exponent: int
-) -> NDArray[np.float64]:
-    """(m,) areas in units of ``4**exponent``."""
-    x, y, z = (np.ldexp(column, -exponent) for column in vertices.T)
-    a, b, c = (np.ascontiguousarray(column) for column in triangles.T)
-    xa, ya, za = x[a], y[a], z[a]
-    ux, uy, uz = x[b] - xa, y[b] - ya, z[b] - za
-    vx, vy, vz = x[c] - xa, y[c] - ya, z[c] - za
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
 
 
 def polygon_planes(

@@ -14,8 +14,8 @@ from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.files import Polygons, merge_equal_corners
-from voxkernel.mesh.polygons import scale_exponent, used_vertices
 from voxkernel.mesh.triangle_mesh import TriangleMesh
+from voxkernel.mesh.triangles import doubled_areas, scale_exponent, triple_products, used_vertices
 
 __all__ = ["RepairChange", "RepairResult", "repair"]
 
@@ -189,9 +189,9 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
     """Two nodes per triangle, as it is and turned; components of this double cover are the two choices."""
     vertices, faces = arrays
     edges = half_edges(faces, len(vertices))
-    pairs = edges.first[edges.n_faces == 2]
-    a, b = edges.order[pairs] // 3, edges.order[pairs + 1] // 3
-    same = edges.forward[pairs] == edges.forward[pairs + 1]
+    one, other = edges.pairs()
+    a, b = one // 3, other // 3
+    same = faces.reshape(-1)[one] == faces.reshape(-1)[other]
     n = len(faces)
     rows = np.concatenate([a, a + n])
     columns = np.concatenate([np.where(same, b + n, b), np.where(same, b, b + n)])
@@ -204,11 +204,10 @@ def _orient(arrays: _Arrays) -> tuple[_Arrays, str]:
     local = np.ldexp(vertices, -exponent)
     local = local - local[faces].mean(axis=(0, 1))
     p, q, r = local[faces[:, 0]], local[faces[:, 1]], local[faces[:, 2]]
-    normals = np.cross(q - p, r - p)
     sign = np.where(first, 1.0, -1.0)
     n_parts = int(labels.max()) + 1
-    volume = np.bincount(part, weights=sign * np.einsum("ij,ij->i", p, np.cross(q, r)), minlength=n_parts)
-    side = np.bincount(part, weights=sign * np.linalg.norm(normals, axis=1), minlength=n_parts)
+    volume = np.bincount(part, weights=sign * triple_products(p, q, r), minlength=n_parts)
+    side = np.bincount(part, weights=sign * doubled_areas(local[faces]), minlength=n_parts)
     at_border = np.repeat(edges.n_faces != 2, edges.n_faces)
     border = np.bincount(part[edges.order[at_border] // 3], minlength=n_parts)
     outward = np.where(border == 0, volume, side) >= 0.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel.mesh.triangles import doubled_areas
+
 __all__ = ["spread_samples"]
 
 # The generalised golden ratio of two dimensions: the R2 sequence.
@@ -24,7 +26,7 @@ def spread_samples(
     """
     corners = vertices[faces]
     edges = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    areas = 0.5 * doubled_areas(corners)
     total = areas.sum()
     if total == 0.0:
         return np.empty((0, 3)), np.empty(0, np.int64), np.empty(0)

@@ -1,7 +1,7 @@
 """`TriangleMesh`: a frozen surface that remembers which input polygon every triangle came from."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +18,10 @@ from voxkernel._checks import (
 )
 from voxkernel._extras import optional
 from voxkernel.errors import MeshError
+from voxkernel.mesh.affine import affine_image, as_affine
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
-from voxkernel.mesh.polygons import flatten_polygons, polygon_planes, triangle_areas
+from voxkernel.mesh.polygons import flatten_polygons, polygon_planes
+from voxkernel.mesh.triangles import bounds_of, facet_normals, triangle_areas, used_vertices
 from voxkernel.mesh.zero_area import has_area
 
 __all__ = ["MeshFacts", "TriangleMesh"]
@@ -65,8 +67,8 @@ class TriangleMesh:
 
     Notes
     -----
-    Equality is identity. The only state that changes after construction is two caches, of `plane_areas`
-    and of `facts`.
+    Equality is identity. The only state that changes after construction are caches, of `facts` and of the
+    arrays made of the vertices: `plane_areas`, `facet_areas`, `facet_normals`, `used_vertices`, `bounds`.
 
     Examples
     --------
@@ -87,6 +89,7 @@ class TriangleMesh:
     source: str
     _plane_areas: NDArray[np.float64] | None = field(default=None)
     _facts: MeshFacts | None = field(default=None)
+    _derived: dict[str, NDArray[np.float64]] = field(default_factory=dict[str, NDArray[np.float64]], init=False)
 
     @classmethod
     def from_triangles(
@@ -228,25 +231,53 @@ class TriangleMesh:
         if not has_area(points, cut.triangles):
             raise MeshError(f"`polygons` must hold one with positive area; got {len(sizes)} without")
         return cls(
-            read_only(points),
-            read_only(cut.triangles),
-            read_only(cut.facet_ids),
-            read_only(cut.plane_corners),
-            read_only(cut.plane_facets),
-            read_only(cut.nonplanar),
-            len(sizes),
-            source,
-            read_only(cut.plane_areas),
-        )
+            read_only(points), read_only(cut.triangles), read_only(cut.facet_ids), read_only(cut.plane_corners),
+            read_only(cut.plane_facets), read_only(cut.nonplanar), len(sizes), source, read_only(cut.plane_areas),
+        )  # fmt: skip
 
     @property
     def plane_areas(self) -> NDArray[np.float64]:
         """(p,) float64: the area each plane stands for; made at first use and kept."""
         if self._plane_areas is None:
-            areas = read_only(triangle_areas(self.vertices, self.plane_corners))
+            is_shared = self.plane_corners is self.faces
+            areas = self.facet_areas if is_shared else read_only(triangle_areas(self.vertices, self.plane_corners))
             object.__setattr__(self, "_plane_areas", areas)
             return areas
         return self._plane_areas
+
+    @property
+    def facet_areas(self) -> NDArray[np.float64]:
+        """(m,) float64: area of each triangle, in the order of `facet_ids`, mesh units squared; made once and kept."""
+        return self._kept("facet_areas", lambda: triangle_areas(self.vertices, self.faces))
+
+    @property
+    def facet_normals(self) -> NDArray[np.float64]:
+        """(m, 3) float64: outward unit normal of each triangle, in the order of `facet_ids`.
+
+        0 where a triangle has no area, or one too small beside the surface for floats to see.
+        """
+        return self._kept("facet_normals", lambda: facet_normals(self.vertices, self.faces))
+
+    @property
+    def used_vertices(self) -> NDArray[np.float64]:
+        """(k, 3) float64: the vertices that a triangle refers to, in order; `vertices` itself where all are."""
+        return self._kept("used_vertices", lambda: used_vertices(self.vertices, self.faces))
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) float64: lowest and highest coordinates of the used vertices, mesh units."""
+        return self._kept("bounds", lambda: bounds_of(self.used_vertices))
+
+    @property
+    def volume(self) -> float:
+        """Signed enclosed volume, mesh units cubed; nan where the surface is open or not oriented."""
+        return self.facts().volume
+
+    def _kept(self, name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Make an array once."""
+        if name not in self._derived:
+            self._derived[name] = read_only(make())
+        return self._derived[name]
 
     @property
     def n_facets(self) -> int:
@@ -297,16 +328,56 @@ class TriangleMesh:
             raise MeshError(f"`facets` must leave a facet with positive area; got {len(ids)} ids without")
         areas = None if self._plane_areas is None else read_only(self._plane_areas[on_plane])
         return TriangleMesh(
-            self.vertices,
-            read_only(faces),
-            read_only(self.facet_ids[on_face]),
-            read_only(self.plane_corners[on_plane]),
-            read_only(self.plane_facets[on_plane]),
-            read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]),
-            self.n_input_facets,
-            self.source,
-            areas,
+            self.vertices, read_only(faces), read_only(self.facet_ids[on_face]),
+            read_only(self.plane_corners[on_plane]), read_only(self.plane_facets[on_plane]),
+            read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]), self.n_input_facets, self.source, areas,
+        )  # fmt: skip
+
+    def transformed(self, matrix: ArrayLike) -> "TriangleMesh":
+        """Move, turn, scale or shear the surface.
+
+        Parameters
+        ----------
+        matrix : (4, 4), (3, 4) or (3, 3) array of real numbers
+            The affine map: its first three columns are the linear part, the fourth is the shift (0 where
+            there is none); a fourth row must be 0 0 0 1.
+
+        Returns
+        -------
+        TriangleMesh
+            Same facets in the same order. A reflection (negative determinant) turns every facet round, as a
+            mirror turns left into right, so that the inside stays inside and a positive volume positive.
+
+        Raises
+        ------
+        MeshError
+            If the shape is another, a number is not finite, the last row is another, the linear part is
+            singular (decided exactly), coordinates become too large for floats, or so small that no facet
+            has an area.
+        TypeError
+            If `matrix` is not real.
+
+        Notes
+        -----
+        O(n). Coordinates are rounded once a step, so facets that were flat are so up to rounding; every
+        facet keeps the three corners that define its plane.
+
+        Examples
+        --------
+        >>> mesh = TriangleMesh.from_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> mesh.transformed([[2, 0, 0, 5], [0, 2, 0, 0], [0, 0, 2, 0]]).bounds.tolist()
+        [[5.0, 0.0, 0.0], [7.0, 2.0, 0.0]]
+        >>> mirrored = mesh.transformed([[1, 0, 0], [0, 1, 0], [0, 0, -1]])
+        >>> mirrored.faces.tolist(), mirrored.facet_normals.tolist()
+        ([[0, 2, 1]], [[0.0, 0.0, -1.0]])
+        """
+        vertices, faces, corners, areas = affine_image(
+            as_affine("matrix", matrix), self.vertices, self.faces, self.plane_corners, self._plane_areas
         )
+        return TriangleMesh(
+            vertices, faces, self.facet_ids, corners, self.plane_facets, self.nonplanar_facets, self.n_input_facets,
+            self.source, areas,
+        )  # fmt: skip
 
     def facts(self) -> MeshFacts:
         """What is true of this surface: closed, oriented, degenerate facets, boundary loops, volume.
@@ -364,13 +435,9 @@ class TriangleMesh:
         >>> len(mesh.to_open3d().triangles)
         1
         """
-        from voxkernel._open3d import open3d
+        from voxkernel._open3d import open3d_mesh
 
-        o3d = open3d()
-        vertices, faces = self.to_arrays()
-        return o3d.geometry.TriangleMesh(
-            o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces.astype(np.int32))
-        )
+        return open3d_mesh(self.vertices, self.faces)
 
     def to_polydata(self) -> Any:
         """Return a `pyvista.PolyData` with the cell array ``facet_id``.

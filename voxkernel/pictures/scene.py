@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
-from voxkernel.mesh.polygons import used_vertices, without_strays
+from voxkernel.mesh.edges import half_edges
+from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
 
 __all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
 
@@ -48,21 +49,18 @@ class Scene:
     @property
     def points(self) -> NDArray[np.float64]:
         """(k, 3): every vertex drawn."""
-        return np.concatenate([self.vertices[np.unique(self.faces)], self.kernel_vertices])
+        return np.concatenate([used_vertices(self.vertices, self.faces), self.kernel_vertices])
 
     @property
     def diagonal(self) -> float:
         """Length of the diagonal of the surface's bounding box."""
-        used = self.vertices[np.unique(self.faces)]
-        return float(np.linalg.norm(np.ptp(used, axis=0)))
+        return float(np.linalg.norm(np.diff(bounds_of(used_vertices(self.vertices, self.faces)), axis=0)))
 
 
 def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
     """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None."""
     corners = mesh.vertices[mesh.faces]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(doubled, axis=1, keepdims=True)
-    normals = np.divide(doubled, length, out=np.zeros_like(doubled), where=length > 0)
+    normals = mesh.facet_normals
     lines, is_open = _feature_lines(mesh, normals)
     points, triangles, edges = _kernel_parts(kernel)
     witness = np.zeros(0, np.int64)
@@ -70,7 +68,7 @@ def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
         ids = [i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0]
         # One triangle stands for each facet: the arrow needs one place.
         witness = np.array([int(np.flatnonzero(mesh.facet_ids == i)[0]) for i in ids], np.int64)
-    view, up = _camera(mesh, doubled, points, is_open)
+    view, up = _camera(mesh, doubled_normals(corners), points, is_open)
     # Programs that draw make room for every vertex they are given.
     return Scene(
         *without_strays(mesh.vertices, mesh.faces), lines, is_open, points, triangles, edges,
@@ -114,25 +112,20 @@ def _percent(ratio: float) -> str:
 def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
     """Edges worth drawing: the boundary, sharp edges, and on coarse surfaces every edge that is not flat."""
     faces = mesh.faces
-    ends = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, owner = ends[order], owner[order]
-    starts = np.flatnonzero(np.append(True, (ends[1:] != ends[:-1]).any(axis=1)))
-    counts = np.diff(np.append(starts, len(ends)))
-    one, other = owner[starts], owner[np.minimum(starts + 1, len(ends) - 1)]
+    edges = half_edges(faces, len(mesh.vertices))
+    ends, counts = edges.ends(faces), edges.n_faces
+    one, other = edges.order[edges.first] // 3, edges.order[np.minimum(edges.first + 1, faces.size - 1)] // 3
     bend = np.einsum("ij,ij->i", normals[one], normals[other])
     drawn = (counts != 2) | (bend < np.cos(np.radians(_SHARP_DEG)))
     if mesh.n_facets <= _COARSE:
         drawn |= (mesh.facet_ids[one] != mesh.facet_ids[other]) & (bend < _FLAT)
-    chosen = starts[drawn]
-    segments = mesh.vertices[ends[chosen]]
-    if mesh.n_facets > _COARSE and len(chosen):
-        size = float(np.linalg.norm(np.ptp(used_vertices(mesh.vertices, mesh.faces), axis=0)))
-        segments = segments[_is_long(ends[chosen], segments, _SPECK * size)]
+    segments = mesh.vertices[ends[drawn]]
+    if mesh.n_facets > _COARSE and len(segments):
+        size = float(np.linalg.norm(np.diff(mesh.bounds, axis=0)))
+        segments = segments[_is_long(ends[drawn], segments, _SPECK * size)]
     # A surface that is rough everywhere has no feature lines, only noise.
-    if mesh.n_facets > _COARSE and len(segments) > 0.2 * len(starts):
-        segments = mesh.vertices[ends[starts[counts != 2]]]
+    if mesh.n_facets > _COARSE and len(segments) > 0.2 * len(ends):
+        segments = mesh.vertices[ends[counts != 2]]
     return segments, bool((counts == 1).any())
 
 
@@ -170,8 +163,7 @@ def _camera(
     mesh: TriangleMesh, doubled: NDArray[np.float64], kernel: NDArray[np.float64], is_open: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Look along the thinnest direction of a closed surface, beside the front of an open one; never straight on."""
-    used = mesh.vertices[np.unique(mesh.faces)]
-    sizes, axes = np.linalg.eigh(np.cov(used.T))
+    sizes, axes = np.linalg.eigh(np.cov(mesh.used_vertices.T))
     front = axes[:, 0] if sizes[0] < 0.8 * sizes[1] else np.array([0.0, 0.0, 1.0])
     front = front * np.where(front[np.argmax(np.abs(front))] < 0, -1.0, 1.0)
     facing = doubled.sum(axis=0)

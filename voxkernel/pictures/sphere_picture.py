@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.mesh.polygons import without_strays
+from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
 from voxkernel.spherical import RadialGrid
@@ -91,8 +91,8 @@ def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
     radii = np.append(fine.radii.reshape(-1), fine.pole_radii)
     unit = np.concatenate([fine.grid.directions(), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
     rebuilt = samples.reconstruct()
-    used = np.unique(sphere.mesh.faces)
-    chosen = sphere.mesh.vertices[used[np.linspace(0, len(used) - 1, 40).astype(int)]]
+    used = sphere.mesh.used_vertices
+    chosen = used[np.linspace(0, len(used) - 1, 40).astype(int)]
     rays = np.stack([np.broadcast_to(sphere.center, chosen.shape), chosen], axis=1)
     return _Panels(
         without_strays(sphere.mesh.vertices, sphere.mesh.faces), sphere.center, rays,
@@ -185,7 +185,7 @@ def _draw_surface(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     cells = np.column_stack([np.full(len(panels.rays), 2), np.arange(2 * len(panels.rays)).reshape(-1, 2)]).ravel()
     lines = pyvista.PolyData(np.ascontiguousarray(panels.rays.reshape(-1, 3)), lines=cells)
     plotter.add_mesh(lines, color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
-    reach = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
+    reach = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     plotter.add_mesh(pyvista.Sphere(radius=0.016 * reach, center=panels.center), color=KERNEL, **_MATERIAL)
     plotter.view_vector(panels.view, panels.up)
     plotter.camera.zoom(1.3)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._open3d import open3d
+from voxkernel._open3d import open3d_mesh
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
 from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
+from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
 
@@ -73,7 +74,7 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     smooth = _smoothed(vertices, faces)
     thin = _simplified(smooth, faces, diagonal)
     kernels = _kernels(thin, margins)
-    vectors = _facet_normals(smooth, faces)
+    vectors = 0.5 * doubled_normals(smooth[faces])
     return PreparedSurface(
         mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
         _unit(vectors), margins, kernels,
@@ -102,13 +103,6 @@ def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tu
     return voxel_kernels(mesh, tolerances=[min(1.0, least + m) for m in margins], depth=KERNEL_DEPTH, domain=ball)
 
 
-def _legacy(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Any:
-    library = open3d()
-    return library.geometry.TriangleMesh(
-        library.utility.Vector3dVector(vertices.copy()), library.utility.Vector3iVector(faces.astype(np.int32))
-    )
-
-
 def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """Average vertices with their neighbours, more often where the facets are smaller.
 
@@ -117,24 +111,18 @@ def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     steps = min(_MOST_STEPS, round(len(faces) / _FACETS_PER_STEP))
     if not steps:
         return vertices
-    return np.asarray(_legacy(vertices, faces).filter_smooth_simple(steps).vertices).copy()
+    return np.asarray(open3d_mesh(vertices, faces).filter_smooth_simple(steps).vertices).copy()
 
 
 def _simplified(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid, unless little would be left."""
-    thin = _legacy(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
+    thin = open3d_mesh(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
     triangles = np.asarray(thin.triangles).astype(np.int64)
     if len(triangles) < min(len(faces), 100):
         return vertices, faces
     return np.asarray(thin.vertices).copy(), triangles
-
-
-def _facet_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Area times normal of each triangle, (m, 3)."""
-    corners = vertices[faces]
-    return 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -144,7 +132,7 @@ def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _coarse_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Samples:
     points, owners, _ = spread_samples(vertices, faces, _COARSE_SAMPLES)
-    return Samples(points, _unit(_facet_normals(vertices, faces))[owners])
+    return Samples(points, _unit(0.5 * doubled_normals(vertices[faces]))[owners])
 
 
 def _fine_samples(

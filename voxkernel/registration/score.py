@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._open3d import open3d
+from voxkernel._open3d import open3d, ray_scene
 from voxkernel.mesh.surface_samples import spread_samples
+from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.registration.prepare import PreparedSurface
 from voxkernel.registration.search import inverse
 
@@ -23,16 +24,11 @@ class ScoredSurface:
     """Samples of a surface and a search tree of its triangles, scaled to the size of the pair."""
 
     def __init__(self, surface: PreparedSurface, scale: float) -> None:
-        library = open3d()
         self.corners = (surface.vertices / scale)[surface.faces]
         self.facet_normals = surface.facet_normals
         points, owners, self.areas = spread_samples(surface.vertices, surface.faces, _SAMPLES)
         self.points, self.normals = points / scale, surface.facet_normals[owners]
-        self.scene: Any = library.t.geometry.RaycastingScene()
-        self.scene.add_triangles(
-            library.core.Tensor((surface.vertices / scale).astype(np.float32)),
-            library.core.Tensor(surface.faces.astype(np.uint32)),
-        )
+        self.scene: Any = ray_scene(surface.vertices / scale, surface.faces)
 
     def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Give the distance from points to the triangles, and the triangle next to each; infinite where none is near.
@@ -80,7 +76,7 @@ def surface_score(source: ScoredSurface, target: ScoredSurface, motion: NDArray[
 def _closest(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Closest point of triangle i to point i, in double precision: Embree answers in single."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = np.cross(b - a, c - a)
+    normal = doubled_normals(corners)
     square = np.einsum("ij,ij->i", normal, normal)
     offset = points - a
     safe = np.where(square > 0, square, 1.0)

@@ -15,7 +15,6 @@ from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
-from voxkernel.mesh.polygons import used_vertices
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
 from voxkernel.relaxed.violation import Weights, violated_units
@@ -179,7 +178,7 @@ def _searched(
     is_coarse = len(planes.facets) <= _COARSE
     seeds = point[None]
     if mesh is not None and is_coarse:
-        seeds = np.concatenate([seeds, used_vertices(mesh.vertices, mesh.faces)])
+        seeds = np.concatenate([seeds, mesh.used_vertices])
     border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
     seeds = seeds[violated_units(border, seeds) == 0]
     best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)

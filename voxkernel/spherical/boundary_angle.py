@@ -12,6 +12,7 @@ from voxkernel._core import boundary_field, cone_angle, cone_angles, triangle_an
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
+from voxkernel.mesh.triangles import doubled_normals
 
 __all__ = ["FULL_ANGLE", "Boundary", "agrees_with_boundary", "facet_sides", "solid_angles"]
 
@@ -30,9 +31,7 @@ class Boundary:
     def of(cls, mesh: TriangleMesh) -> Boundary:
         """Collect the edges whose two directions do not balance; inner edges cancel."""
         edges = half_edges(mesh.faces, len(mesh.vertices))
-        tail, head = mesh.faces.reshape(-1), mesh.faces[:, [1, 2, 0]].reshape(-1)
-        first = edges.order[edges.first]
-        low, high = np.minimum(tail[first], head[first]), np.maximum(tail[first], head[first])
+        low, high = edges.ends(mesh.faces).T
         excess = np.add.reduceat(np.where(edges.forward, 1, -1), edges.first)
         excess[low == high] = 0
         times = np.abs(excess)
@@ -82,7 +81,7 @@ def _wrapped(angle: Any) -> Any:
 def _outer_apex(mesh: TriangleMesh) -> NDArray[np.float64]:
     """Choose a point in front of a facet, so outside the kernel, on the side the surface faces most."""
     corners = mesh.vertices[mesh.faces]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = doubled_normals(corners)
     facing = doubled.sum(axis=0)
     towards = doubled @ (facing if facing.any() else doubled[0])
     best = int(np.argmax(towards))

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, read_only
 from voxkernel._core import settle_rays, triangle_distances
+from voxkernel._open3d import open3d, ray_scene
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
-from voxkernel.mesh.polygons import used_vertices, without_strays
+from voxkernel.mesh.triangles import triple_products, without_strays
 from voxkernel.spherical.harmonics import MAX_DEGREE, Harmonics, fit_harmonics
 from voxkernel.spherical.sphere_grids import GridKind, SphereGrid, sphere_grid
 
@@ -153,15 +154,10 @@ def ray_radii(
     Open3D finds the triangle in single precision. In double precision the ray may pass a neighbour: it is
     followed there, and the distance is that of the triangle's plane.
     """
-    from voxkernel._open3d import open3d
-
     o3d = open3d()
     corners = mesh.vertices - center
     size = float(np.abs(corners[mesh.faces.reshape(-1)]).max()) or 1.0
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor((corners / size).astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
-    )
+    scene = ray_scene(corners / size, mesh.faces)
 
     def cast(rays: NDArray[np.float64]) -> NDArray[np.int64]:
         both = np.zeros((len(rays), 6), np.float32)
@@ -182,8 +178,7 @@ def ray_radii(
 def _across(mesh: TriangleMesh) -> NDArray[np.int64]:
     """Neighbour of each triangle over each edge where exactly two triangles meet, else -1; (m, 3)."""
     edges = half_edges(mesh.faces, len(mesh.vertices))
-    pairs = edges.first[edges.n_faces == 2]
-    one, other = edges.order[pairs], edges.order[pairs + 1]
+    one, other = edges.pairs()
     across = np.full(3 * len(mesh.faces), -1, np.int64)
     across[one], across[other] = other // 3, one // 3
     return across.reshape(-1, 3)
@@ -212,7 +207,7 @@ def _hull_triangles(points: NDArray[np.float64]) -> NDArray[np.int64]:
     hull = ConvexHull(points)
     triangles = np.asarray(hull.simplices, dtype=np.int64)
     p, q, r = (points[triangles[:, k]] for k in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(p, q), r) < 0.0
+    inward = triple_products(r, p, q) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
     return triangles
 
@@ -221,32 +216,21 @@ def reconstruction_error(one: TriangleMesh, other: TriangleMesh) -> Reconstructi
     """Measure two surfaces against each other."""
     there, there_centers = _distances(one, other)
     back, back_centers = _distances(other, one)
-    weights = [_areas(one), _areas(other)]
+    weights = [one.facet_areas, other.facet_areas]
     mean = sum(float((w * d**2).sum()) for w, d in zip(weights, (there_centers, back_centers), strict=True))
     rms = float(np.sqrt(mean / float(weights[0].sum() + weights[1].sum())))
     return ReconstructionError(float(max(a.max() for a in (there, there_centers, back, back_centers))), rms)
 
 
-def _areas(mesh: TriangleMesh) -> NDArray[np.float64]:
-    p = mesh.vertices[mesh.faces]
-    return 0.5 * np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-
-
 def _distances(source: TriangleMesh, target: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance from `target` of the used vertices and of the triangle centres of `source`."""
-    from voxkernel._open3d import open3d
-
     o3d: Any = open3d()
-    vertices = used_vertices(source.vertices, source.faces)
+    vertices = source.used_vertices
     corners, faces = without_strays(target.vertices, target.faces)
     points = np.concatenate([vertices, source.vertices[source.faces].mean(axis=1)])
     middle = corners.mean(axis=0)
     size = float(np.abs(corners - middle).max()) or 1.0
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(((corners - middle) / size).astype(np.float32)),
-        o3d.core.Tensor(faces.astype(np.uint32)),
-    )
+    scene = ray_scene((corners - middle) / size, faces)
     query = o3d.core.Tensor(((points - middle) / size).astype(np.float32))
     nearest = scene.compute_closest_points(query)["primitive_ids"].numpy().astype(np.int64)
     distances = np.empty(len(points))

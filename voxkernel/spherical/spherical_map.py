@@ -17,7 +17,6 @@ from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
 from voxkernel.halfspaces.surface_arguments import EXACT, surface_argument
 from voxkernel.mesh import TriangleMesh, as_mesh
-from voxkernel.mesh.polygons import triangle_areas, used_vertices
 from voxkernel.relaxed import best_center
 from voxkernel.spherical.boundary_angle import Boundary, agrees_with_boundary, facet_sides, solid_angles
 from voxkernel.spherical.coverage import CoverageCertificate, coverage_optimum, distortion_optimum
@@ -378,7 +377,7 @@ def _least_distorted(mesh: TriangleMesh, kernel: KernelPolytope, planes: HalfSpa
     best = coverage_optimum(mesh, region)
     if best is not None:
         starts.append(best[0])
-    return distortion_optimum(mesh, triangle_areas(mesh.vertices, mesh.faces), region, starts)
+    return distortion_optimum(mesh, mesh.facet_areas, region, starts)
 
 
 def _turned_away(halfspaces: HalfSpaces, center: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -399,7 +398,7 @@ def _strictly_inside(
     """Move a kernel point towards the deepest one until it is off all facet planes and clear of the triangles."""
     if kernel.dimension < 3:
         return point
-    size = float(np.linalg.norm(np.ptp(used_vertices(mesh.vertices, mesh.faces), axis=0)))
+    size = float(np.linalg.norm(np.ptp(mesh.used_vertices, axis=0)))
     boundary = None
     for bits in (None, *range(52, 19, -2)):
         moved = point if bits is None else point + (kernel.deepest_point - point) * 2.0**-bits
@@ -458,7 +457,7 @@ def _project(
 
 
 def _distortion(mesh: TriangleMesh, angles: NDArray[np.float64]) -> float:
-    areas = triangle_areas(mesh.vertices, mesh.faces)
+    areas = mesh.facet_areas
     real = areas > 0.0
     size = float(angles[real].sum())
     if not size > 0.0:

@@ -12,7 +12,6 @@ from voxkernel._core import exact_cells
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, surface_argument
-from voxkernel.mesh.polygons import used_vertices
 from voxkernel.relaxed.root_cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
 from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, as_step, relaxed_kernels, still_apart, wrapped
@@ -131,7 +130,7 @@ def _exact(surface: SurfaceArgument, domain: Any, axes: NDArray[np.float64], ste
     if rtol is None and region is not None:
         dimension, corners = find_feasibility(planes).dimension, region.vertices
     elif rtol is None and mesh is not None:
-        dimension, corners = find_feasibility(planes).dimension, used_vertices(mesh.vertices, mesh.faces)
+        dimension, corners = find_feasibility(planes).dimension, mesh.used_vertices
     else:
         kernel = kernel_of_halfspaces(halfspaces, region)
         dimension, corners = kernel.dimension, kernel.vertices
