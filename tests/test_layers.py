@@ -13,7 +13,9 @@ import voxkernel
 
 PACKAGE = Path(voxkernel.__file__).parent
 # Top to bottom: a row imports from rows above it, and one that has words beside it from those and the ground only.
-GROUND = ("_version", "errors", "_core", "_core_check", "_threads", "_checks", "_input_file", "_npz", "_open3d")
+GROUND = (
+    "_version", "errors", "_core", "_core_check", "_threads", "_checks", "_frozen", "_input_file", "_npz", "_open3d",
+)  # fmt: skip
 FOLDERS = {
     "mesh": None,
     "halfspaces": None,

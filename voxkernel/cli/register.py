@@ -92,9 +92,7 @@ def run(args: argparse.Namespace) -> int:
 def _moved(mesh: Any, found: Any) -> Any:
     from dataclasses import replace
 
-    from voxkernel._checks import read_only
-
-    return replace(mesh, vertices=read_only(found.apply(mesh.vertices)), _facts=None, _plane_areas=None)
+    return replace(mesh, vertices=found.apply(mesh.vertices))
 
 
 def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:

@@ -16,6 +16,7 @@ from voxkernel._checks import (
     check_index_range,
     read_only,
 )
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
 from voxkernel.mesh.polygons import flatten_polygons, polygon_planes, triangle_areas
@@ -27,7 +28,7 @@ _NO_IDS = read_only(np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TriangleMesh:
+class TriangleMesh(Frozen):
     """A surface of triangles with the planes of the facets they were cut from.
 
     Make one with :func:`voxkernel.as_mesh`, `from_triangles` or `from_polygons`; the bare
@@ -65,7 +66,7 @@ class TriangleMesh:
     Notes
     -----
     Equality is identity. The only state that changes after construction is two caches, of `plane_areas`
-    and of `facts`.
+    and of `facts`, which `dataclasses.replace` leaves behind.
 
     Examples
     --------
@@ -84,8 +85,8 @@ class TriangleMesh:
     nonplanar_facets: NDArray[np.int64]
     n_input_facets: int
     source: str
-    _plane_areas: NDArray[np.float64] | None = field(default=None)
-    _facts: MeshFacts | None = field(default=None)
+    _plane_areas: NDArray[np.float64] | None = field(init=False, default=None)
+    _facts: MeshFacts | None = field(init=False, default=None)
 
     @classmethod
     def from_triangles(
@@ -226,7 +227,7 @@ class TriangleMesh:
         cut = polygon_planes(points, flat, sizes, planarity_rtol)
         if not has_area(points, cut.triangles):
             raise MeshError(f"`polygons` must hold one with positive area; got {len(sizes)} without")
-        return cls(
+        mesh = cls(
             read_only(points),
             read_only(cut.triangles),
             read_only(cut.facet_ids),
@@ -235,17 +236,30 @@ class TriangleMesh:
             read_only(cut.nonplanar),
             len(sizes),
             source,
-            read_only(cut.plane_areas),
         )
+        object.__setattr__(mesh, "_plane_areas", read_only(cut.plane_areas))
+        return mesh
 
     @property
     def plane_areas(self) -> NDArray[np.float64]:
         """(p,) float64: the area each plane stands for; made at first use and kept."""
         if self._plane_areas is None:
-            areas = read_only(triangle_areas(self.vertices, self.plane_corners))
+            areas = read_only(self._areas_of_planes())
             object.__setattr__(self, "_plane_areas", areas)
             return areas
         return self._plane_areas
+
+    def _areas_of_planes(self) -> NDArray[np.float64]:
+        """The area of a planar polygon is the length of the sum of the area vectors of its triangles."""
+        areas = triangle_areas(self.vertices, self.plane_corners)
+        if len(self.plane_facets) == len(self.faces):  # each triangle has a plane of its own
+            return areas
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        starts = np.flatnonzero(np.diff(self.facet_ids, prepend=-1))
+        whole = 0.5 * np.linalg.norm(np.add.reduceat(np.cross(b - a, c - a), starts), axis=1)
+        is_planar = ~np.isin(self.plane_facets, self.nonplanar_facets)
+        areas[is_planar] = whole[np.searchsorted(self.facet_ids[starts], self.plane_facets[is_planar])]
+        return areas
 
     @property
     def n_facets(self) -> int:
@@ -294,8 +308,7 @@ class TriangleMesh:
         faces = self.faces[on_face]
         if len(faces) == 0 or not has_area(self.vertices, faces):
             raise MeshError(f"`facets` must leave a facet with positive area; got {len(ids)} ids without")
-        areas = None if self._plane_areas is None else read_only(self._plane_areas[on_plane])
-        return TriangleMesh(
+        part = TriangleMesh(
             self.vertices,
             read_only(faces),
             read_only(self.facet_ids[on_face]),
@@ -304,8 +317,10 @@ class TriangleMesh:
             read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]),
             self.n_input_facets,
             self.source,
-            areas,
         )
+        if self._plane_areas is not None:
+            object.__setattr__(part, "_plane_areas", read_only(self._plane_areas[on_plane]))
+        return part
 
     def facts(self) -> MeshFacts:
         """What is true of this surface: closed, oriented, degenerate facets, boundary loops, volume.

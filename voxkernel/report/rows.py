@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
+
 __all__ = ["CELL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
 
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
@@ -36,8 +38,8 @@ CELL_SCORES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ReportRows:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ReportRows(Frozen):
     """Columns of a run's table, in its order.
 
     Attributes
