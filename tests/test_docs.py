@@ -114,7 +114,7 @@ def is_made(part, name):
     if part == "gallery":
         return name == "index" or (DOCS / "gallery" / f"{name}.py").exists()
     stem = name.split("/")[-1].removeprefix("module_")
-    return name == "index" or stem in voxkernel.__all__ or name.startswith(("results/", "module_"))
+    return name == "index" or stem in voxkernel.__all__ or name.startswith(("classes/", "module_"))
 
 
 @pytest.mark.parametrize("script", sorted(DOCS.glob("gallery*/plot_*.py")), ids=name_of)

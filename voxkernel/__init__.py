@@ -6,24 +6,76 @@ from voxkernel._version import __version__ as __version__
 
 TYPE_CHECKING = False  # from `typing`, which would have to be imported
 if TYPE_CHECKING:
-    from voxkernel.errors import VoxKernelError
-    from voxkernel.evaluation import EvaluateSettings, evaluate
-    from voxkernel.exact import exact_kernel
+    from voxkernel.errors import GridReadError, MeshError, MeshReadError, MissingExtraError, SolverError, VoxKernelError
+    from voxkernel.evaluation import EvaluateSettings, EvaluationResult, evaluate
+    from voxkernel.exact import Certificate, KernelPolytope, exact_kernel
     from voxkernel.grid import SparseGrid
-    from voxkernel.measures import defect_profile, kernel_moments, kernel_points, starshapeness, visible_fraction
-    from voxkernel.mesh import TriangleMesh, as_mesh, repair
-    from voxkernel.polyhedral import cell_kernels, read_polyhedral
-    from voxkernel.registration import register, register_many
-    from voxkernel.relaxed import best_center, violation
+    from voxkernel.halfspaces import Domain, HalfSpaces
+    from voxkernel.measures import (
+        DefectProfile,
+        KernelMoments,
+        KernelPoints,
+        Starshapeness,
+        VisibleFraction,
+        defect_profile,
+        kernel_moments,
+        kernel_points,
+        starshapeness,
+        visible_fraction,
+    )
+    from voxkernel.mesh import MeshFacts, RepairChange, RepairResult, TriangleMesh, as_mesh, repair
+    from voxkernel.polyhedral import CellKernels, PolyhedralMesh, cell_kernels, read_polyhedral
+    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
+    from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
-    from voxkernel.spherical import spherical_map
-    from voxkernel.vdb import read_vdb, write_vdb
-    from voxkernel.voxels import violation_grid, voxel_kernel, voxel_kernels
+    from voxkernel.spherical import (
+        CoverageCertificate,
+        Harmonics,
+        RadialGrid,
+        ReconstructionError,
+        SphereGrid,
+        SphericalMap,
+        spherical_map,
+    )
+    from voxkernel.vdb import VdbFile, read_vdb, write_vdb
+    from voxkernel.voxels import KernelGrid, violation_grid, voxel_kernel, voxel_kernels
 
 __all__ = [
+    "Candidate",
+    "CellKernels",
+    "Certificate",
+    "CoverageCertificate",
+    "DefectProfile",
+    "Domain",
     "EvaluateSettings",
+    "EvaluationResult",
+    "GridReadError",
+    "HalfSpaces",
+    "Harmonics",
+    "KernelGrid",
+    "KernelMoments",
+    "KernelPoints",
+    "KernelPolytope",
+    "MeshError",
+    "MeshFacts",
+    "MeshReadError",
+    "MissingExtraError",
+    "PairRegistration",
+    "PolyhedralMesh",
+    "RadialGrid",
+    "ReconstructionError",
+    "Registration",
+    "RepairChange",
+    "RepairResult",
+    "SolverError",
     "SparseGrid",
+    "SphereGrid",
+    "SphericalMap",
+    "StarCenter",
+    "Starshapeness",
     "TriangleMesh",
+    "VdbFile",
+    "VisibleFraction",
     "VoxKernelError",
     "as_mesh",
     "best_center",
@@ -51,9 +103,41 @@ __all__ = [
 
 # Where each name comes from: that is imported when the name is first used.
 _HOMES = {
+    "Candidate": "registration",
+    "CellKernels": "polyhedral",
+    "Certificate": "exact",
+    "CoverageCertificate": "spherical",
+    "DefectProfile": "measures",
+    "Domain": "halfspaces",
     "EvaluateSettings": "evaluation",
+    "EvaluationResult": "evaluation",
+    "GridReadError": "errors",
+    "HalfSpaces": "halfspaces",
+    "Harmonics": "spherical",
+    "KernelGrid": "voxels",
+    "KernelMoments": "measures",
+    "KernelPoints": "measures",
+    "KernelPolytope": "exact",
+    "MeshError": "errors",
+    "MeshFacts": "mesh",
+    "MeshReadError": "errors",
+    "MissingExtraError": "errors",
+    "PairRegistration": "registration",
+    "PolyhedralMesh": "polyhedral",
+    "RadialGrid": "spherical",
+    "ReconstructionError": "spherical",
+    "Registration": "registration",
+    "RepairChange": "mesh",
+    "RepairResult": "mesh",
+    "SolverError": "errors",
     "SparseGrid": "grid",
+    "SphereGrid": "spherical",
+    "SphericalMap": "spherical",
+    "StarCenter": "relaxed",
+    "Starshapeness": "measures",
     "TriangleMesh": "mesh",
+    "VdbFile": "vdb",
+    "VisibleFraction": "measures",
     "VoxKernelError": "errors",
     "as_mesh": "mesh",
     "best_center": "relaxed",

@@ -1,4 +1,4 @@
-"""Pages of the reference: one for every name in ``voxkernel.__all__``, and one for every class they lead to."""
+"""Pages of the reference: one for every name in ``voxkernel.__all__``, and one for every module called by its name."""
 
 import ast
 import importlib
@@ -22,7 +22,7 @@ def public_names() -> dict[str, Any]:
 
 
 def result_classes() -> dict[str, type]:
-    """Classes that the public functions and classes take or give back, and those these lead to in turn."""
+    """Classes that public names take or give back, and those these lead to, and that are not public: there are none."""
     known = _classes()
     found: dict[str, type] = {}
     todo = list(public_names().values())
@@ -124,33 +124,41 @@ def _module_page(name: str, module: ModuleType, documented: set[Any]) -> str:
 
 
 def _index() -> str:
-    names, results, modules = public_names(), result_classes(), named_modules()
+    names, modules = public_names(), named_modules()
     functions = {n: t for n, t in names.items() if not inspect.isclass(t)}
     classes = {n: t for n, t in names.items() if inspect.isclass(t)}
+    errors = {n: t for n, t in classes.items() if issubclass(t, Exception)}
     parts = [
         _heading("Reference"),
-        "Everything in ``voxkernel.__all__``, and the classes that come back. Positions are float64 in the units of "
-        "the mesh, facets are counter-clockwise seen from outside; see :doc:`/theory/conventions`.\n",
+        "Everything in ``voxkernel.__all__``. Positions are float64 in the units of the mesh, facets are "
+        "counter-clockwise seen from outside; see :doc:`/theory/conventions`.\n",
+        "Public is what these pages show; every other name may change in any release.\n",
+        "Results are frozen. Their arrays are read-only, also after a pickle, `copy.deepcopy` and on the way from a "
+        "worker process; ``==`` and ``hash`` go by identity, but for `SparseGrid`, which compares voxels, values and "
+        "transform. ``dataclasses.replace`` makes a changed one; what was kept for later calls is not carried over.\n",
         ".. rubric:: Functions\n", _table(functions, ""),
-        ".. rubric:: Classes\n", _table(classes, ""),
-        ".. rubric:: What functions take and give back\n", _table(results, "results/"),
+        ".. rubric:: Classes\n", _table({n: t for n, t in classes.items() if n not in errors}, "classes/"),
+        ".. rubric:: Errors\n", _table(errors, "classes/"),
         ".. rubric:: Modules called by their full name\n", _table(modules, "module_"),
         ":doc:`/api/openvdb_names` puts the names of `SparseGrid` beside those of OpenVDB.\n",
-        _toctree([*names, *(f"results/{n}" for n in results), *(f"module_{n}" for n in modules), "/api/openvdb_names"]),
+        _toctree(
+            [*functions, *(f"classes/{n}" for n in classes), *(f"module_{n}" for n in modules), "/api/openvdb_names"]
+        ),
     ]  # fmt: skip
     return "\n".join(parts)
 
 
 def write_pages(folder: Path) -> None:
     """Write the pages of the reference; unchanged files keep their time, stale ones go."""
-    names, results = public_names(), result_classes()
-    documented = {*names.values(), *results.values()}
-    pages = {n: _page(n, f"voxkernel.{n}", thing) for n, thing in names.items()}
-    # In a folder of their own: `Starshapeness` and `starshapeness` are one file where case does not count.
-    pages |= {f"results/{n}": _page(n, f"{c.__module__}.{n}", c) for n, c in results.items()}
+    names = public_names()
+    documented = set(names.values())
+    # Classes in a folder of their own: `Starshapeness` and `starshapeness` are one file where case does not count.
+    pages = {
+        f"classes/{n}" if inspect.isclass(thing) else n: _page(n, f"voxkernel.{n}", thing) for n, thing in names.items()
+    }
     pages |= {f"module_{n}": _module_page(n, m, documented) for n, m in named_modules().items()}
     pages["index"] = _index()
-    (folder / "results").mkdir(parents=True, exist_ok=True)
+    (folder / "classes").mkdir(parents=True, exist_ok=True)
     for old in folder.rglob("*.rst"):
         if old.relative_to(folder).with_suffix("").as_posix() not in pages:
             old.unlink()

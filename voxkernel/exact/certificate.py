@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, touched_and_violated
 from voxkernel.halfspaces.rational_program import as_integers, rank_of
@@ -19,8 +20,8 @@ __all__ = ["Certificate", "certify", "certify_unclipped"]
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Certificate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Certificate(Frozen):
     """A proof of the dimension of a kernel.
 
     Attributes
@@ -38,6 +39,10 @@ class Certificate:
         One per facet, for the facet planes scaled as `HalfSpaces.integer_planes` gives them.
     points : tuple of 3-tuples of Fraction
         World coordinates.
+    halfspaces : HalfSpaces
+        What was asked: the half-spaces of the surface and of the domain.
+    rows : tuple of int
+        Row of each multiplier in `halfspaces`.
     """
 
     kind: Literal["empty", "flat", "solid"]

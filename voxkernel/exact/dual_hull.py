@@ -19,6 +19,7 @@ from voxkernel._core import (
     solid_angle,
     tightest_by_direction,
 )
+from voxkernel._frozen import Frozen
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh.triangles import doubled_normals
@@ -42,8 +43,8 @@ _FIRST_BOX = 4.0
 _LAST_BOX = 2.0**28
 
 
-@dataclass(frozen=True, slots=True)
-class Polyhedron:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Polyhedron(Frozen):
     """A bounded convex polyhedron: vertices relative to `center`, rings of vertex ids, row of each ring.
 
     `center` and `vertices` are in local coordinates; `start` and `ring` list the polygons.
@@ -92,8 +93,8 @@ def polyhedron_around(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhed
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class DualHull:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DualHull(Frozen):
     """What the hull of dual points says of a polyhedron about the origin; not closed where the closing shows."""
 
     vertices: NDArray[np.float64]
@@ -207,8 +208,8 @@ def relevant_rows(planes: HalfSpaces, point: NDArray[np.float64], working_set: N
     return np.union1d(reach_of(planes, outer, margin=1e-9 * outer.extent).rows, tight[outer.rows])
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Reach(Frozen):
     """Half-spaces not clear of a polyhedron, how far its corners pass each, and what rounding may add to that."""
 
     rows: NDArray[np.int64]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate
 from voxkernel.halfspaces import Domain
@@ -17,8 +18,8 @@ from voxkernel.mesh import TriangleMesh
 __all__ = ["KernelPolytope"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class KernelPolytope:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class KernelPolytope(Frozen):
     """The kernel of a surface: a convex polytope, possibly flat or empty.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import deepest_point, face_misfit
+from voxkernel._frozen import Frozen
 from voxkernel.exact.dual_hull import (
     Polyhedron,
     Reach,
@@ -38,8 +39,8 @@ _ROUNDING = 1e-8
 _FEW, _FEW_UNRESOLVED = 24, 64
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Shape(Frozen):
     """A convex polytope; `rows` are the half-spaces of its faces, `corners` its vertices where known exactly.
 
     `residual` is how far a rounded vertex lies outside a half-space, `rounding` a bound on the

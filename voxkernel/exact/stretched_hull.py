@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import planes_reaching
+from voxkernel._frozen import Frozen
 from voxkernel.exact.dual_hull import DualHull, Polyhedron, polyhedron_of_duals
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.halfspaces.integer_planes import IntegerPlane
@@ -27,8 +28,8 @@ RationalPoint = tuple[Fraction, Fraction, Fraction]
 Axes = tuple[RationalPoint, RationalPoint, RationalPoint]
 
 
-@dataclass(frozen=True, slots=True)
-class Stretched:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Stretched(Frozen):
     """A polyhedron { center + basis @ y } and the same in round coordinates y.
 
     `factor` is the determinant of `basis`, rounded once; `misfit` bounds |a . y - 1| about its middle.

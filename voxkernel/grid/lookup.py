@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._checks import read_only
 from voxkernel._core import points_in_runs, points_in_table, voxels_in_runs, voxels_in_table
 from voxkernel.grid.cell_runs import Cells
 from voxkernel.grid.leaf_bits import FULL
@@ -69,7 +70,7 @@ class ActiveTable(NamedTuple):
         words = np.concatenate([leaf_mask, np.full((1, 8), FULL), np.zeros((1, 8), np.uint64)])
         x, y, z = (int(n) for n in low)
         n_x, n_y, n_z = (int(n) for n in shape)
-        return cls((x, y, z), (n_x, n_y, n_z), row, words.ravel())
+        return cls((x, y, z), (n_x, n_y, n_z), read_only(row), read_only(words.ravel()))
 
 
 def voxels_in(

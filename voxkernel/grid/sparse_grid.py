@@ -12,12 +12,14 @@ Conventions, said once for the whole library:
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from types import MappingProxyType
 from typing import Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_points, read_only
+from voxkernel._frozen import Frozen
 from voxkernel.grid import build, cell_runs, query, set_operations
 from voxkernel.grid.array_checks import (
     array_of,
@@ -43,12 +45,13 @@ _SAME_CELL = 1e-6  # two transforms agree when they differ by less than this par
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SparseGrid:
+class SparseGrid(Frozen):
     """Sparse set of active voxels, with one float value each if wanted, in OpenVDB's level structure.
 
     Tiles and leaves never overlap and are kept sorted along the Morton curve. Arrays are read-only. Build
     one with `from_ijk`, `from_points`, `from_dense` or `from_tiles_and_leaves`; change one with set
-    operations, which return new grids. ``dataclasses.replace(grid, name="inside")`` renames.
+    operations, which return new grids. ``dataclasses.replace(grid, name="inside")`` renames. ``==`` and `hash`
+    go by the voxels, their values and the transform, not by names and metadata.
 
     Parameters
     ----------
@@ -75,7 +78,7 @@ class SparseGrid:
     grid_class : {"unknown", "level set", "fog volume", "staggered"}
         What the values mean to OpenVDB.
     metadata : mapping of str to bool, int, float, str or tuple, optional
-        Written to files; copied.
+        Written to files; copied, and read-only.
     inactive_ijk, inactive_log2, inactive_values : (I, 3) int32, (I,) int8, (I,) float32, optional
         Inactive tiles whose value is not the background, such as the inside of a level set. Only of float
         grids; kept by files, `values_at` and `to_dense`, dropped by set operations, not looked at by ``==``.
@@ -191,7 +194,7 @@ class SparseGrid:
         _set(self, "origin", read_only(origin))
         _set(self, "linear", read_only(linear))
         _set(self, "background", float(background))
-        _set(self, "metadata", dict(self.metadata))
+        _set(self, "metadata", MappingProxyType(dict(self.metadata)))
 
     # -- constructors ------------------------------------------------------------------------------
 
@@ -205,7 +208,7 @@ class SparseGrid:
         grid = object.__new__(type(self))
         for name in ("background", "origin", "linear", "name", "grid_class"):
             _set(grid, name, frame.get(name, getattr(self, name)))
-        _set(grid, "metadata", dict(metadata))
+        _set(grid, "metadata", MappingProxyType(dict(metadata)))
         _set(grid, "tile_ijk", frozen(decode(body.tile_code) << 3))
         _set(grid, "leaf_ijk", frozen(decode(body.leaf_code) << 3))
         _set(grid, "inactive_ijk", frozen(np.zeros((0, 3), dtype=np.int32)))
@@ -227,7 +230,7 @@ class SparseGrid:
     def _cells(self) -> Cells:
         """Tiles and leaves as one sorted list, made when first needed."""
         if self._index is None:
-            _set(self, "_index", cell_runs.cells_of(self._body))
+            _set(self, "_index", Cells(*map(read_only, cell_runs.cells_of(self._body))))
         return cast(Cells, self._index)
 
     @property
@@ -394,7 +397,10 @@ class SparseGrid:
         mine, theirs = cell_runs.canonical(self._body), cell_runs.canonical(other._body)
         return all(_same(one, two) for one, two in zip(mine, theirs, strict=True))
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        """Of what equal grids share and is cheap to count."""
+        frame = *self.origin.tolist(), *self.linear.ravel().tolist()
+        return hash((self.is_mask, self.active_voxel_count, frame))
 
     def __repr__(self) -> str:
         count, tiles, leaves = self.active_voxel_count, self.tile_count, self.leaf_count

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
@@ -29,8 +30,8 @@ BALL_FACTOR = 1.3
 _SUBDIVISIONS = 3
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Domain:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Domain(Frozen):
     """A bounded convex polytope in which a kernel is looked for.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import find_deep_point
+from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.halfspaces.predicates import touched_and_violated
@@ -18,8 +19,8 @@ from voxkernel.halfspaces.witness import Witness, empty_witness, lifted_witness,
 __all__ = ["Feasibility", "find_feasibility"]
 
 
-@dataclass(frozen=True, slots=True)
-class Feasibility:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Feasibility(Frozen):
     """The dimension of the common part of half-spaces, and what proves it.
 
     `point` is exact, in lattice coordinates, and lies in the relative interior; `directions` span

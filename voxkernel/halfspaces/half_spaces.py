@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points, read_only
 from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.integer_planes import (
     IntegerPlane,
@@ -35,8 +36,8 @@ _LARGEST = 2.0**200
 _THINNEST = 2.0**-300
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class HalfSpaces:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HalfSpaces(Frozen):
     """The inner half-spaces `n . x <= d` of a surface, ready for floating-point and exact work.
 
     Floating-point work happens in local coordinates `(x - origin) / scale`, in which every corner
@@ -56,6 +57,12 @@ class HalfSpaces:
         The local frame; `scale` is a power of two.
     n_degenerate : int
         Facets without area that were left out.
+    bounds_volume : bool
+        Whether the surface is closed and encloses a volume, so that the common part is bounded.
+    is_triangulation : bool
+        Whether the rows are the triangles of the surface, none left out.
+    is_cone : bool
+        Whether the planes of the surface were moved to the origin: directions, not points.
 
     Examples
     --------

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_each, as_share, read_only
+from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.halfspaces import Domain
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
@@ -22,8 +23,8 @@ _PROFILE = np.linspace(0.0, 0.5, 26)
 PROFILE_DEPTH = 6
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class DefectProfile:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DefectProfile(Frozen):
     """The share of the domain that the relaxed kernels of a surface fill: a signature of its shape.
 
     It does not change when the surface is moved, turned or scaled, but for the width of its bounds.

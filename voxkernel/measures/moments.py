@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._frozen import Frozen
 from voxkernel.exact import KernelPolytope
 from voxkernel.grid import SparseGrid
 from voxkernel.grid.leaf_bits import unpack
@@ -18,8 +19,8 @@ from voxkernel.voxels import KernelGrid
 __all__ = ["KernelMoments", "kernel_moments", "moments_of"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class KernelMoments:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class KernelMoments(Frozen):
     """Mass, centroid and covariance of a kernel, with its principal frame.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, read_only
+from voxkernel._frozen import Frozen
 from voxkernel.exact import KernelPolytope
 from voxkernel.grid import SparseGrid
 from voxkernel.mesh.surface_samples import spread_samples
@@ -21,8 +22,8 @@ __all__ = ["KernelPoints", "kernel_points"]
 _MOST_CUBES = 256  # cubes tried for each point that is wanted
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class KernelPoints:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class KernelPoints(Frozen):
     """A kernel as points with weights.
 
     Attributes

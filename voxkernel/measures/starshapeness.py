@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_positive
+from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
@@ -29,8 +30,8 @@ _TOLERANCES = (0.01, 0.03, 0.1)
 Verdict = Literal["star-shaped", "degenerate", "not star-shaped"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Starshapeness:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Starshapeness(Frozen):
     """Whether and how much a surface is star-shaped.
 
     Attributes

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._frozen import Frozen
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import HalfEdges, are_oriented, edge_parts, half_edges, loops_of
 from voxkernel.mesh.triangles import bounds_of, scale_exponent, scaled_triangle_areas, triple_products, unscaled
@@ -15,7 +16,7 @@ __all__ = ["MeshFacts", "mesh_facts"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MeshFacts:
+class MeshFacts(Frozen):
     """Facts of one surface, as `TriangleMesh.facts` returns them.
 
     Attributes

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_positive
 from voxkernel._extras import optional
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
@@ -51,8 +52,8 @@ class RepairChange:
         )
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class RepairResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RepairResult(Frozen):
     """A repaired mesh and the list of what was changed, in order.
 
     Parameters

@@ -1,7 +1,7 @@
 """`TriangleMesh`: a frozen surface that remembers which input polygon every triangle came from."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,11 +17,12 @@ from voxkernel._checks import (
     read_only,
 )
 from voxkernel._extras import optional
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.mesh.affine import affine_image, as_affine
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
 from voxkernel.mesh.polygons import flatten_polygons, polygon_planes
-from voxkernel.mesh.triangles import bounds_of, facet_normals, triangle_areas, used_vertices
+from voxkernel.mesh.triangles import bounds_of, doubled_normals, facet_normals, triangle_areas, used_vertices
 from voxkernel.mesh.zero_area import has_area
 
 __all__ = ["MeshFacts", "TriangleMesh"]
@@ -30,7 +31,7 @@ _NO_IDS = read_only(np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TriangleMesh:
+class TriangleMesh(Frozen):
     """A surface of triangles with the planes of the facets they were cut from.
 
     Make one with :func:`voxkernel.as_mesh`, `from_triangles` or `from_polygons`; the bare
@@ -68,7 +69,8 @@ class TriangleMesh:
     Notes
     -----
     Equality is identity. The only state that changes after construction are caches, of `facts` and of the
-    arrays made of the vertices: `plane_areas`, `facet_areas`, `facet_normals`, `used_vertices`, `bounds`.
+    arrays made of the vertices: `plane_areas`, `facet_areas`, `facet_normals`, `used_vertices`, `bounds`;
+    `dataclasses.replace` leaves them behind.
 
     Examples
     --------
@@ -87,9 +89,9 @@ class TriangleMesh:
     nonplanar_facets: NDArray[np.int64]
     n_input_facets: int
     source: str
-    _plane_areas: NDArray[np.float64] | None = field(default=None)
-    _facts: MeshFacts | None = field(default=None)
-    _derived: dict[str, NDArray[np.float64]] = field(default_factory=dict[str, NDArray[np.float64]], init=False)
+    _plane_areas: NDArray[np.float64] | None = field(init=False, default=None)
+    _facts: MeshFacts | None = field(init=False, default=None)
+    _derived: Mapping[str, NDArray[np.float64]] = field(init=False, default_factory=dict[str, NDArray[np.float64]])
 
     @classmethod
     def from_triangles(
@@ -230,20 +232,37 @@ class TriangleMesh:
         cut = polygon_planes(points, flat, sizes, planarity_rtol)
         if not has_area(points, cut.triangles):
             raise MeshError(f"`polygons` must hold one with positive area; got {len(sizes)} without")
-        return cls(
-            read_only(points), read_only(cut.triangles), read_only(cut.facet_ids), read_only(cut.plane_corners),
-            read_only(cut.plane_facets), read_only(cut.nonplanar), len(sizes), source, read_only(cut.plane_areas),
+        return cls._made(
+            read_only(cut.plane_areas), read_only(points), read_only(cut.triangles), read_only(cut.facet_ids),
+            read_only(cut.plane_corners), read_only(cut.plane_facets), read_only(cut.nonplanar), len(sizes), source,
         )  # fmt: skip
+
+    @classmethod
+    def _made(cls, areas: NDArray[np.float64] | None, *facts: Any) -> "TriangleMesh":
+        """A mesh whose areas of planes are known already, if they are given."""
+        mesh = cls(*facts)
+        object.__setattr__(mesh, "_plane_areas", areas)
+        return mesh
 
     @property
     def plane_areas(self) -> NDArray[np.float64]:
         """(p,) float64: the area each plane stands for; made at first use and kept."""
         if self._plane_areas is None:
-            is_shared = self.plane_corners is self.faces
-            areas = self.facet_areas if is_shared else read_only(triangle_areas(self.vertices, self.plane_corners))
+            areas = self.facet_areas if self.plane_corners is self.faces else read_only(self._areas_of_planes())
             object.__setattr__(self, "_plane_areas", areas)
             return areas
         return self._plane_areas
+
+    def _areas_of_planes(self) -> NDArray[np.float64]:
+        """The area of a planar polygon is the length of the sum of the area vectors of its triangles."""
+        areas = triangle_areas(self.vertices, self.plane_corners)
+        if len(self.plane_facets) == len(self.faces):  # each triangle has a plane of its own
+            return areas
+        starts = np.flatnonzero(np.diff(self.facet_ids, prepend=-1))
+        whole = 0.5 * np.linalg.norm(np.add.reduceat(doubled_normals(self.vertices[self.faces]), starts), axis=1)
+        is_planar = ~np.isin(self.plane_facets, self.nonplanar_facets)
+        areas[is_planar] = whole[np.searchsorted(self.facet_ids[starts], self.plane_facets[is_planar])]
+        return areas
 
     @property
     def facet_areas(self) -> NDArray[np.float64]:
@@ -276,7 +295,7 @@ class TriangleMesh:
     def _kept(self, name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
         """Make an array once."""
         if name not in self._derived:
-            self._derived[name] = read_only(make())
+            object.__setattr__(self, "_derived", {**self._derived, name: read_only(make())})
         return self._derived[name]
 
     @property
@@ -327,10 +346,10 @@ class TriangleMesh:
         if len(faces) == 0 or not has_area(self.vertices, faces):
             raise MeshError(f"`facets` must leave a facet with positive area; got {len(ids)} ids without")
         areas = None if self._plane_areas is None else read_only(self._plane_areas[on_plane])
-        return TriangleMesh(
-            self.vertices, read_only(faces), read_only(self.facet_ids[on_face]),
+        return TriangleMesh._made(
+            areas, self.vertices, read_only(faces), read_only(self.facet_ids[on_face]),
             read_only(self.plane_corners[on_plane]), read_only(self.plane_facets[on_plane]),
-            read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]), self.n_input_facets, self.source, areas,
+            read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]), self.n_input_facets, self.source,
         )  # fmt: skip
 
     def transformed(self, matrix: ArrayLike) -> "TriangleMesh":
@@ -374,9 +393,9 @@ class TriangleMesh:
         vertices, faces, corners, areas = affine_image(
             as_affine("matrix", matrix), self.vertices, self.faces, self.plane_corners, self._plane_areas
         )
-        return TriangleMesh(
-            vertices, faces, self.facet_ids, corners, self.plane_facets, self.nonplanar_facets, self.n_input_facets,
-            self.source, areas,
+        return TriangleMesh._made(
+            areas, vertices, faces, self.facet_ids, corners, self.plane_facets, self.nonplanar_facets,
+            self.n_input_facets, self.source,
         )  # fmt: skip
 
     def facts(self) -> MeshFacts:

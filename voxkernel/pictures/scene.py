@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
@@ -25,8 +26,8 @@ _FLAT = 1.0 - 1e-6
 _SPECK = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Scene(Frozen):
     """Triangles, lines and points to draw, world coordinates.
 
     `kernel_lines` and `surface_lines` are (k, 2, 3) segments. `witness_faces` are surface triangles of

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel._frozen import Frozen
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
@@ -29,8 +30,8 @@ _MAP_RINGS = 180
 _NAMES = ("surface and centre", "radius on the sphere", "radius as a world map", "reconstruction")
 
 
-@dataclass(frozen=True, slots=True)
-class _Panels:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class _Panels(Frozen):
     """What the four parts show, world coordinates turned so that the middle of the seen part is at longitude 0."""
 
     surface: tuple[NDArray[np.float64], NDArray[np.int64]]

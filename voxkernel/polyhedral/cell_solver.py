@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
 from voxkernel._core import StopFlag, solve_cells, squared_diameter
+from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
 from voxkernel.errors import VoxKernelError
 from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
@@ -28,7 +29,7 @@ _DECIDED = ("", "convex", "interior point", "witness", "witness nearby")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class CellKernels:
+class CellKernels(Frozen):
     """The kernels of the cells of a polyhedral mesh: arrays with one row per cell, read-only.
 
     Attributes

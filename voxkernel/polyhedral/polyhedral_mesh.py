@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_nonnegative, as_points, check_index_range, read_only
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.polygons import flatten_polygons
@@ -19,7 +20,7 @@ __all__ = ["PolyhedralMesh"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PolyhedralMesh:
+class PolyhedralMesh(Frozen):
     """Cells with polygonal faces that may be shared, each cell with its own side of every face.
 
     Make one with :func:`read_polyhedral`, `from_cells` or `from_faces`. All arrays are read-only.

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d
 
 __all__ = ["IcpEnd", "Refine", "icp"]
@@ -15,8 +16,8 @@ __all__ = ["IcpEnd", "Refine", "icp"]
 Refine = Literal["point_to_plane", "point_to_point", "none"]
 
 
-@dataclass(frozen=True, slots=True)
-class IcpEnd:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class IcpEnd(Frozen):
     """What one run of ICP gave."""
 
     transform: NDArray[np.float64]

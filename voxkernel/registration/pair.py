@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.registration.icp import Refine
 from voxkernel.registration.prepare import PreparedSurface, prepare
@@ -28,8 +29,8 @@ _OVERLAP_REACH = 1 / 20
 _LEAST_OVERLAP = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Solution(Frozen):
     """The answer for a pair, in world coordinates."""
 
     transform: NDArray[np.float64]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d_mesh
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.halfspaces.domain import surface_frame
@@ -31,8 +32,8 @@ _MOST_STEPS = 10
 _CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Samples(Frozen):
     """Points on a surface and the outward unit normals there."""
 
     points: NDArray[np.float64]
@@ -40,8 +41,8 @@ class Samples:
     n_vertices: int = 0  # the first ones are vertices of the surface
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedSurface:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PreparedSurface(Frozen):
     """One surface in its own frame: centroid at 0, principal axes as coordinate axes, mesh units.
 
     `T_world_local` leads back. `facet_normals` are those of the smoothed surface, `kernels` the relaxed

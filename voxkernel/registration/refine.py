@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.registration.icp import IcpEnd, Refine, icp
 from voxkernel.registration.search import ScoredCloud
 
@@ -22,8 +23,8 @@ _STEPS = 60
 _SIGMAS = 4.0
 
 
-@dataclass(frozen=True, slots=True)
-class Refined:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Refined(Frozen):
     """A motion after ICP, and whether one more step would leave its RMSE as it is."""
 
     transform: NDArray[np.float64]

@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
 
 from voxkernel._checks import as_depth
+from voxkernel._frozen import Frozen
 from voxkernel.errors import VoxKernelError
 from voxkernel.registration.register import Registration, prepare_surface, register
 
@@ -20,8 +21,8 @@ __all__ = ["PairRegistration", "register_many"]
 _Job = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class PairRegistration:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PairRegistration(Frozen):
     """One pair of `register_many`.
 
     Attributes

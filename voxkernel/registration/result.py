@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points
+from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.registration.search import rotation_angle_deg
 
 __all__ = ["Candidate", "Registration"]
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Candidate(Frozen):
     """One motion that was tried.
 
     Attributes
@@ -40,8 +41,8 @@ class Candidate:
     moved_score: float
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Registration:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Registration(Frozen):
     """The rigid motion that lays a source surface on a target surface.
 
     Attributes

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d
 from voxkernel.measures import KernelMoments
 from voxkernel.registration.icp import icp
@@ -27,8 +28,8 @@ _CLEAR = 0.7  # a score below which more rotations are tried
 _EQUAL_AXES = 0.1  # axes whose spreads differ by less than this share can be exchanged
 
 
-@dataclass(frozen=True, slots=True)
-class Guess:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Guess(Frozen):
     """A motion from source to target in local frames, where it comes from, and its scores."""
 
     transform: NDArray[np.float64]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_positive, read_only
 from voxkernel._core import least_violated
+from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
@@ -29,8 +30,8 @@ _MAX_CELLS = 2_000_000
 GAP = 1e-4
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class StarCenter:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StarCenter(Frozen):
     """The point that faces the most of a surface, and bounds on what it cannot face.
 
     Attributes

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 
@@ -22,8 +23,8 @@ __all__ = ["UNITS", "WeighedPlanes", "weigh"]
 UNITS = 1 << 60
 
 
-@dataclass(frozen=True, slots=True)
-class WeighedPlanes:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class WeighedPlanes(Frozen):
     """Facet planes of positive weight with their shares of the whole in units of 1 / `UNITS`.
 
     `shares` are lower bounds on the true ones as doubles. A sum of `weights` differs from that of the true

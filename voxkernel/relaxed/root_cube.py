@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_positive, read_only
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.relaxed.facet_weights import WeighedPlanes
 
@@ -18,8 +19,8 @@ MIN_DEPTH, MAX_DEPTH = 3, 20
 _UNIT = 2.0**-53
 
 
-@dataclass(frozen=True, slots=True)
-class RootCube:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RootCube(Frozen):
     """The cube an octree divides: lower corner and edge in world units, rows of `axes` are its directions."""
 
     corner: NDArray[np.float64]

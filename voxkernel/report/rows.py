@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel._frozen import Frozen
 
 __all__ = ["CELL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
 
@@ -38,8 +39,8 @@ CELL_SCORES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ReportRows:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ReportRows(Frozen):
     """Columns of a run's table, in its order.
 
     Attributes

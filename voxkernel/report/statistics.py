@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxkernel._frozen import Frozen
+
 __all__ = ["RocCurve", "area_under", "average_ranks", "confusion_counts", "quantiles", "roc_curve", "spearman"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class RocCurve:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RocCurve(Frozen):
     """How well one score separates two classes.
 
     Attributes

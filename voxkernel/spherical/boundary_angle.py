@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import boundary_field, cone_angle, cone_angles, triangle_angles
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
@@ -19,8 +20,8 @@ __all__ = ["FULL_ANGLE", "Boundary", "agrees_with_boundary", "facet_sides", "sol
 FULL_ANGLE = 4.0 * np.pi
 
 
-@dataclass(frozen=True, slots=True)
-class Boundary:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Boundary(Frozen):
     """The boundary of a surface as directed edges, an edge for each time it is traversed one way too often."""
 
     starts: NDArray[np.float64]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
 from voxkernel._core import density_moments, edges_meet
+from voxkernel._frozen import Frozen
 from voxkernel.mesh import TriangleMesh
 from voxkernel.spherical.boundary_angle import FULL_ANGLE, Boundary, solid_angles
 from voxkernel.spherical.search_region import N_SPREAD, Field, Region, climb
@@ -21,8 +22,8 @@ _PULLED_IN = 1e-6
 _OFF_RIM = 1e-3  # of the kernel's size
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class CoverageCertificate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CoverageCertificate(Frozen):
     """What shows that no neighbouring kernel point sees the surface under a larger solid angle.
 
     At a maximum over a convex polytope the gradient is a non-negative combination of the outward normals of

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points, read_only
+from voxkernel._frozen import Frozen
 from voxkernel.spherical.sphere_grids import GridKind, SphereGrid, sphere_grid
 
 __all__ = ["MAX_DEGREE", "Harmonics", "fit_harmonics"]
@@ -23,8 +24,8 @@ _RESIDUAL = 1e-9
 _ROOT_TWO = 2.0**0.5
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Harmonics:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Harmonics(Frozen):
     """A function on the sphere as a sum of real spherical harmonics up to a degree.
 
     The basis is orthonormal: the integral of Y^2 over the sphere is 1. Y_lm is the associated Legendre function

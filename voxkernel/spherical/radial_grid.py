@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, read_only
 from voxkernel._core import settle_rays, triangle_distances
+from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d, ray_scene
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
@@ -27,18 +28,22 @@ _STEPS = 64
 
 
 class ReconstructionError(NamedTuple):
-    """How far two surfaces are apart, mesh units.
+    """How far two surfaces are apart.
 
-    `hausdorff` is the largest distance of a vertex or triangle centre of either surface from the other;
-    `rms` the root mean square, with triangle areas as weights, over the triangle centres of both.
+    Attributes
+    ----------
+    hausdorff : float
+        Largest distance of a vertex or triangle centre of either surface from the other, mesh units.
+    rms : float
+        Root mean square, with triangle areas as weights, over the triangle centres of both, mesh units.
     """
 
     hausdorff: float
     rms: float
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class RadialGrid:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RadialGrid(Frozen):
     """Radii of a surface around a centre, in the directions of a grid.
 
     Attributes

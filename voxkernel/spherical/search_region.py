@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import nearest_point
+from voxkernel._frozen import Frozen
 from voxkernel.exact import KernelPolytope
 from voxkernel.halfspaces import HalfSpaces
 
@@ -22,8 +23,8 @@ _N_CORNERS = 2000
 Field = Callable[[NDArray[np.float64]], tuple[float, NDArray[np.float64]]]
 
 
-@dataclass(frozen=True, slots=True)
-class Region:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Region(Frozen):
     """A convex polytope to search, in units of its own size: `normals . y <= offsets`, y = (x - origin) / size.
 
     `plane` projects on the directions a flat polytope extends in. `candidates` are corners, face centres

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice, as_depth, read_only
+from voxkernel._frozen import Frozen
 
 __all__ = ["GRIDS", "GridKind", "SphereGrid", "sphere_grid"]
 
@@ -16,8 +17,8 @@ GridKind = Literal["equiangular", "gauss-legendre", "healpix"]
 GRIDS = ("equiangular", "gauss-legendre", "healpix")
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class SphereGrid:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SphereGrid(Frozen):
     """Directions in rings from north to south; inside a ring longitudes are equally spaced.
 
     Attributes

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_nonnegative, as_points, read_only
 from voxkernel._core import directions_and_radii
+from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces
@@ -31,8 +32,8 @@ CENTERS = ("coverage", "deepest", "centroid", "distortion", "relaxed")
 Center = Literal["coverage", "deepest", "centroid", "distortion", "relaxed"] | ArrayLike
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class SphericalMap:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SphericalMap(Frozen):
     """A surface projected on the unit sphere around a centre.
 
     Attributes

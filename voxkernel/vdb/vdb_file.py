@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice
+from voxkernel._frozen import Frozen
 from voxkernel._input_file import input_file
 from voxkernel._output_file import whole_file
 from voxkernel.errors import GridReadError
@@ -70,8 +71,8 @@ _DERIVED = {
 }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class VdbFile:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class VdbFile(Frozen):
     """What a .vdb file holds: its grids in order, and what could not be read.
 
     Iterating, indexing with a number and ``len`` go to the grids; indexing with a name finds the first grid
@@ -83,7 +84,7 @@ class VdbFile:
         Grids of bool, mask and float type.
     value_types : tuple of str
         How each grid is stored: "bool", "mask", "float" or "half".
-    metadata : dict
+    metadata : mapping
         Metadata of the file; that of a grid is ``grid.metadata``.
     skipped : tuple of str
         Name and reason of each grid that was left out.
@@ -91,7 +92,7 @@ class VdbFile:
         File version, 222 to 225.
     library_version : tuple of int
         Version of the library that wrote the file.
-    entries : tuple of dict
+    entries : tuple of mapping
         All that the file says about each grid, also what `SparseGrid` has no place for (compression, counts).
 
     Raises
@@ -105,7 +106,7 @@ class VdbFile:
     >>> path = os.path.join(tempfile.mkdtemp(), "a.vdb")
     >>> write_vdb(path, SparseGrid.from_ijk([[0, 0, 0]], name="inside"), metadata={"alpha": 0.03})
     >>> file = read_vdb(path)
-    >>> file["inside"].active_voxel_count, file.metadata, file.value_types
+    >>> file["inside"].active_voxel_count, dict(file.metadata), file.value_types
     (1, {'alpha': 0.03}, ('bool',))
     """
 

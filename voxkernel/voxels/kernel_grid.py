@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points
+from voxkernel._frozen import Frozen
 from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import Domain
 from voxkernel.mesh import TriangleMesh
@@ -16,8 +17,8 @@ from voxkernel.mesh import TriangleMesh
 __all__ = ["KernelGrid"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class KernelGrid:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class KernelGrid(Frozen):
     """A kernel as a sparse voxel grid: voxels certainly inside, and voxels that are undecided.
 
     Everything else is certainly outside. Inside voxels lie wholly in the kernel; the kernel lies wholly in

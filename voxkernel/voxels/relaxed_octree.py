@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import StopFlag, relaxed_cells
+from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
 from voxkernel.halfspaces import Domain
 from voxkernel.relaxed.facet_weights import WeighedPlanes
@@ -20,8 +21,8 @@ _FEW = 50_000  # planes up to which the work is divided among 64 cells, not 8
 _NEVER = 99
 
 
-@dataclass(frozen=True, slots=True)
-class RelaxedCells:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RelaxedCells(Frozen):
     """The cells of one relaxed kernel: tiles and leaf masks as `SparseGrid` wants them, voxel counts."""
 
     tile_ijk: NDArray[np.int32]

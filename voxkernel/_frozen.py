@@ -1,0 +1,101 @@
+"""`Frozen`: what every class with arrays has in common: read-only, compared by identity, one line as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import Field, fields
+from types import MappingProxyType
+from typing import Any, ClassVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Frozen"]
+
+_LONGEST = 60  # characters of one value in a repr
+
+
+class Frozen:
+    """Base of the frozen dataclasses that hold arrays, themselves or in a part.
+
+    Arrays are read-only after construction, `dataclasses.replace`, `copy.copy`, `copy.deepcopy` and a pickle, so also
+    when they come from a worker process; mappings are read-only views of a copy. Give ``eq=False`` to the dataclass,
+    so that ``==`` and ``hash`` go by identity (arrays have no truth value), and ``repr=False`` for the repr of this
+    class. What is computed later and kept is a field with ``init=False``: `dataclasses.replace` leaves it behind.
+    """
+
+    __slots__ = ()
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # for type checkers
+
+    def __post_init__(self) -> None:
+        """Make arrays read-only: a view where the array may be the caller's."""
+        views: dict[int, NDArray[Any]] = {}
+        for part in fields(self):
+            if part.init:
+                value = getattr(self, part.name)
+                held = _held(value, views)
+                if held is not value:
+                    object.__setattr__(self, part.name, held)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """All fields by name; NumPy forgets that an array was read-only, and no mapping proxy has a pickle."""
+        return _restored, (type(self), {part.name: _portable(getattr(self, part.name)) for part in fields(self)})
+
+    def __repr__(self) -> str:
+        """Name the fields; of arrays their type and shape."""
+        shown = [f"{p.name}={_short(getattr(self, p.name))}" for p in fields(self) if p.repr and p.name[0] != "_"]
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _restored(cls: type, values: dict[str, Any]) -> Any:
+    """Put an object together from its own copies of all fields."""
+    thing = object.__new__(cls)
+    for name, value in values.items():
+        object.__setattr__(thing, name, _held(value, None))
+    return thing
+
+
+def _held(value: Any, views: dict[int, NDArray[Any]] | None) -> Any:
+    """A value as it is kept; arrays are frozen in place without `views`, otherwise one view for each."""
+    if isinstance(value, np.ndarray):
+        if not value.flags.writeable:
+            return value
+        if views is None:
+            value.flags.writeable = False
+            return value
+        if id(value) not in views:
+            views[id(value)] = value.view()
+            views[id(value)].flags.writeable = False
+        return views[id(value)]
+    if isinstance(value, dict):
+        return MappingProxyType({key: _held(item, views) for key, item in cast("dict[Any, Any]", value).items()})
+    if isinstance(value, tuple):
+        items = cast("tuple[Any, ...]", value)
+        held = [_held(item, views) for item in items]
+        if any(one is not two for one, two in zip(held, items, strict=True)):
+            return tuple(held) if type(items) is tuple else cast(Any, items)._make(held)
+    return value
+
+
+def _portable(value: Any) -> Any:
+    """A value that has a pickle."""
+    if isinstance(value, MappingProxyType):
+        return {key: _portable(item) for key, item in cast("Mapping[Any, Any]", value).items()}
+    if type(value) is tuple:
+        items = cast("tuple[Any, ...]", value)
+        portable = [_portable(item) for item in items]
+        if any(one is not two for one, two in zip(portable, items, strict=True)):
+            return tuple(portable)
+    return value
+
+
+def _short(value: Any) -> str:
+    """One value within a line."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {tuple(int(n) for n in value.shape)}"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple | Mapping) and len(cast("tuple[Any, ...]", value)) > 4:
+        return f"{type(cast(object, value)).__name__} of {len(cast('tuple[Any, ...]', value))}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST else f"<{type(value).__name__}>"
