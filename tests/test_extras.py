@@ -86,7 +86,7 @@ def test_what_a_package_itself_lacks_is_not_its_extra(monkeypatch, tmp_path):
 
 
 def picture(suffix):
-    return lambda mesh, folder: surface_picture(mesh, voxkernel.exact_kernel(mesh), folder / f"cube{suffix}")
+    return lambda mesh, folder: surface_picture(folder / f"cube{suffix}", mesh, voxkernel.exact_kernel(mesh))
 
 
 def gltf(_, folder):
@@ -118,7 +118,7 @@ USES = {
     "dask": ("dask", lambda _, folder: evaluated(folder)),
     "distributed": ("distributed", lambda _, folder: evaluated(folder)),
     "pyarrow": ("pyarrow", lambda _, folder: evaluated(folder)),
-    "fsspec": ("fsspec", lambda _, folder: voxkernel.write_report(folder, folder / "page.html")),
+    "fsspec": ("fsspec", lambda _, folder: voxkernel.write_report(folder / "page.html", folder)),
     "blosc": ("blosc", vdb),
 }
 

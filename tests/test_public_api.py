@@ -35,6 +35,7 @@ NAMES = [
     "MeshError",
     "MeshFacts",
     "MeshReadError",
+    "MissingExtraError",
     "PairRegistration",
     "PolyhedralMesh",
     "RadialGrid",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice, as_facet_ids
+from voxkernel._frozen import Frozen
 from voxkernel.halfspaces.domain import Domain, as_domain, ball_domain, surface_frame
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh, as_mesh
@@ -68,8 +69,8 @@ NO_DOMAIN = DefaultDomain(
 DEFAULT_DOMAINS = (EXACT, RELAXED, REGISTRATION, NO_DOMAIN)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfaceArgument:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SurfaceArgument(Frozen):
     """A surface as functions use it: half-spaces, and the mesh they were made from unless they were given."""
 
     halfspaces: HalfSpaces

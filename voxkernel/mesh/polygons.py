@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_integers
 from voxkernel.errors import MeshError
 from voxkernel.mesh.ears import cut_ears
-from voxkernel.mesh.triangles import scale_exponent, triangle_areas, unscaled
+from voxkernel.mesh.triangles import doubled_normals, scale_exponent, triangle_areas, unscaled
 
-__all__ = ["CutPolygons", "flatten_polygons", "polygon_planes"]
+__all__ = ["CutPolygons", "areas_of_planes", "flatten_polygons", "polygon_planes"]
 
 _FEW_CORNERS = 256  # `_loops/cell_planes.py` leaves larger polygons to this file
 _MAX_PASSES = 32
@@ -206,3 +206,18 @@ def _ears(
             "which crosses itself"
         )
     return fan
+
+
+def areas_of_planes(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], facet_ids: NDArray[np.int64],
+    plane_corners: NDArray[np.int64], plane_facets: NDArray[np.int64], nonplanar: NDArray[np.int64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """(p,) areas; that of a planar polygon is the length of the sum of the area vectors of its triangles."""
+    areas = triangle_areas(vertices, plane_corners)
+    if len(plane_facets) == len(faces):  # each triangle has a plane of its own
+        return areas
+    starts = np.flatnonzero(np.diff(facet_ids, prepend=-1))
+    whole = 0.5 * np.linalg.norm(np.add.reduceat(doubled_normals(vertices[faces]), starts), axis=1)
+    is_planar = ~np.isin(plane_facets, nonplanar)
+    areas[is_planar] = whole[np.searchsorted(facet_ids[starts], plane_facets[is_planar])]
+    return areas

@@ -3,29 +3,25 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import (
-    as_facet_ids,
-    as_integers,
-    as_nonnegative,
-    as_points,
-    check_index_range,
-    read_only,
-)
+from voxkernel._checks import as_facet_ids, as_integers, as_nonnegative, as_points, check_index_range, read_only
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.mesh.affine import affine_image, as_affine
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
-from voxkernel.mesh.polygons import flatten_polygons, polygon_planes
-from voxkernel.mesh.triangles import bounds_of, doubled_normals, facet_normals, triangle_areas, used_vertices
+from voxkernel.mesh.polygons import areas_of_planes, flatten_polygons, polygon_planes
+from voxkernel.mesh.triangles import bounds_of, facet_normals, triangle_areas, used_vertices
 from voxkernel.mesh.zero_area import has_area
 
 __all__ = ["MeshFacts", "TriangleMesh"]
+
+_OF_PLANES = ("vertices", "faces", "facet_ids", "plane_corners", "plane_facets", "nonplanar_facets")
 
 _NO_IDS = read_only(np.zeros(0, dtype=np.int64))
 
@@ -91,7 +87,7 @@ class TriangleMesh(Frozen):
     source: str
     _plane_areas: NDArray[np.float64] | None = field(init=False, default=None)
     _facts: MeshFacts | None = field(init=False, default=None)
-    _derived: Mapping[str, NDArray[np.float64]] = field(init=False, default_factory=dict[str, NDArray[np.float64]])
+    _derived: Mapping[str, NDArray[np.float64]] = field(init=False, default_factory=lambda: MappingProxyType({}))
 
     @classmethod
     def from_triangles(
@@ -222,20 +218,16 @@ class TriangleMesh(Frozen):
         if len(sizes) == 0:
             raise MeshError("`polygons` must hold at least one polygon; got 0")
         if int(sizes.min()) < 3:
-            raise MeshError(
-                f"`polygons` must have at least 3 corners each; got {int(sizes.min())} "
-                f"in polygon {int(sizes.argmin())}"
-            )
+            fewest = f"{int(sizes.min())} in polygon {int(sizes.argmin())}"
+            raise MeshError(f"`polygons` must have at least 3 corners each; got {fewest}")
         check_index_range("polygons", flat, len(points), error=MeshError)
         if int(sizes.max()) == 3:
             return cls.from_triangles(points, flat.reshape(-1, 3), source=source)
         cut = polygon_planes(points, flat, sizes, planarity_rtol)
         if not has_area(points, cut.triangles):
             raise MeshError(f"`polygons` must hold one with positive area; got {len(sizes)} without")
-        return cls._made(
-            read_only(cut.plane_areas), read_only(points), read_only(cut.triangles), read_only(cut.facet_ids),
-            read_only(cut.plane_corners), read_only(cut.plane_facets), read_only(cut.nonplanar), len(sizes), source,
-        )  # fmt: skip
+        arrays = points, cut.triangles, cut.facet_ids, cut.plane_corners, cut.plane_facets, cut.nonplanar
+        return cls._made(read_only(cut.plane_areas), *map(read_only, arrays), len(sizes), source)
 
     @classmethod
     def _made(cls, areas: NDArray[np.float64] | None, *facts: Any) -> "TriangleMesh":
@@ -248,21 +240,11 @@ class TriangleMesh(Frozen):
     def plane_areas(self) -> NDArray[np.float64]:
         """(p,) float64: the area each plane stands for; made at first use and kept."""
         if self._plane_areas is None:
-            areas = self.facet_areas if self.plane_corners is self.faces else read_only(self._areas_of_planes())
+            is_own = self.plane_corners is self.faces
+            areas = self.facet_areas if is_own else read_only(areas_of_planes(*(getattr(self, n) for n in _OF_PLANES)))
             object.__setattr__(self, "_plane_areas", areas)
             return areas
         return self._plane_areas
-
-    def _areas_of_planes(self) -> NDArray[np.float64]:
-        """The area of a planar polygon is the length of the sum of the area vectors of its triangles."""
-        areas = triangle_areas(self.vertices, self.plane_corners)
-        if len(self.plane_facets) == len(self.faces):  # each triangle has a plane of its own
-            return areas
-        starts = np.flatnonzero(np.diff(self.facet_ids, prepend=-1))
-        whole = 0.5 * np.linalg.norm(np.add.reduceat(doubled_normals(self.vertices[self.faces]), starts), axis=1)
-        is_planar = ~np.isin(self.plane_facets, self.nonplanar_facets)
-        areas[is_planar] = whole[np.searchsorted(self.facet_ids[starts], self.plane_facets[is_planar])]
-        return areas
 
     @property
     def facet_areas(self) -> NDArray[np.float64]:
@@ -295,7 +277,7 @@ class TriangleMesh(Frozen):
     def _kept(self, name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
         """Make an array once."""
         if name not in self._derived:
-            object.__setattr__(self, "_derived", {**self._derived, name: read_only(make())})
+            object.__setattr__(self, "_derived", MappingProxyType({**self._derived, name: read_only(make())}))
         return self._derived[name]
 
     @property
@@ -346,11 +328,9 @@ class TriangleMesh(Frozen):
         if len(faces) == 0 or not has_area(self.vertices, faces):
             raise MeshError(f"`facets` must leave a facet with positive area; got {len(ids)} ids without")
         areas = None if self._plane_areas is None else read_only(self._plane_areas[on_plane])
-        return TriangleMesh._made(
-            areas, self.vertices, read_only(faces), read_only(self.facet_ids[on_face]),
-            read_only(self.plane_corners[on_plane]), read_only(self.plane_facets[on_plane]),
-            read_only(self.nonplanar_facets[chosen[self.nonplanar_facets]]), self.n_input_facets, self.source,
-        )  # fmt: skip
+        planes = self.plane_corners[on_plane], self.plane_facets[on_plane]
+        arrays = faces, self.facet_ids[on_face], *planes, self.nonplanar_facets[chosen[self.nonplanar_facets]]
+        return self._made(areas, self.vertices, *map(read_only, arrays), self.n_input_facets, self.source)
 
     def transformed(self, matrix: ArrayLike) -> "TriangleMesh":
         """Move, turn, scale or shear the surface.
@@ -472,10 +452,7 @@ class TriangleMesh(Frozen):
         >>> mesh.to_polydata().n_cells
         1
         """
-        pyvista = optional("pyvista")
-
-        vertices, faces = self.to_arrays()
-        data = pyvista.PolyData.from_regular_faces(vertices, faces)
+        data = optional("pyvista").PolyData.from_regular_faces(*self.to_arrays())
         data.cell_data["facet_id"] = self.facet_ids.copy()
         return data
 
@@ -513,7 +490,5 @@ class TriangleMesh(Frozen):
         write_triangles(path, self.vertices, self.faces)
 
     def __repr__(self) -> str:
-        return (
-            f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, "
-            f"{self.n_facets} facets, source={self.source!r})"
-        )
+        counts = f"{len(self.vertices)} vertices, {len(self.faces)} faces, {self.n_facets} facets"
+        return f"TriangleMesh({counts}, source={self.source!r})"
