@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapes
 
-from voxkernel import best_center, defect_profile, register, voxel_kernel, voxel_kernels
+from voxkernel import best_center, defect_profile, register, register_many, voxel_kernel, voxel_kernels
 from voxkernel.evaluation import EvaluateSettings
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.registration import prepare_surface
@@ -70,6 +70,7 @@ SEVERAL = [
     ("tolerances", lambda v: EvaluateSettings(tolerances=v)),
     ("margins", lambda v: register(CUBE, CUBE, margins=v)),
     ("margins", lambda v: prepare_surface(CUBE, margins=v)),
+    ("margins", lambda v: register_many([CUBE, CUBE], margins=v)),
 ]
 
 

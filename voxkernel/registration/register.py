@@ -26,6 +26,7 @@ __all__ = [
     "Candidate",
     "Registration",
     "align_kernels",
+    "as_margins",
     "frame_candidates",
     "prepare_surface",
     "refine_alignment",
@@ -103,7 +104,7 @@ def register(
     >>> bool(np.allclose(found.T_target_source[:3, :3], quarter.T, atol=1e-9)), found.ambiguous
     (True, False)
     """
-    margins = _margins(margins)
+    margins = as_margins(margins)
     if refine not in get_args(Refine):
         raise ValueError(f"`refine` must be one of {', '.join(map(repr, get_args(Refine)))}; got {refine!r}")
     near = None if max_distance is None else as_positive("max_distance", max_distance)
@@ -144,7 +145,7 @@ def prepare_surface(surface: Any, *, margins: Sequence[float] | None = None) -> 
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
     """
-    return prepare(as_mesh(surface), _margins(margins))
+    return prepare(as_mesh(surface), as_margins(margins))
 
 
 def frame_candidates(source: KernelMoments, target: KernelMoments) -> NDArray[np.float64]:
@@ -298,7 +299,7 @@ def _wrapped(
     )  # fmt: skip
 
 
-def _margins(margins: Any) -> tuple[float, ...]:
+def as_margins(margins: Any) -> tuple[float, ...]:
     """Check the margins; they are used in ascending order."""
     return _MARGINS if margins is None else tuple(sorted(set(as_each("margins", margins, as_nonnegative))))
 

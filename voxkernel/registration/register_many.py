@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from voxkernel._checks import as_depth
 from voxkernel._frozen import Frozen
 from voxkernel.errors import VoxKernelError
-from voxkernel.registration.register import Registration, prepare_surface, register
+from voxkernel.registration.register import Registration, as_margins, prepare_surface, register
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -95,6 +95,7 @@ def register_many(
     (1, 0, -1.0)
     """
     n_workers = as_depth("workers", workers, 1, 256)
+    margins = as_margins(margins)
     wanted = _pairs(len(surfaces), pairs, reference)
     used = sorted({i for pair in wanted for i in pair})
     total = len(used) + len(wanted)
