@@ -23,3 +23,23 @@ def hull_cell(points):
     inward = (turn * hull.equations[:, :3]).sum(axis=1) < 0
     faces[inward] = faces[inward][:, ::-1]
     return points, faces
+
+
+def voronoi_like_cell(rng, n):
+    """A simple polyhedron of n tangent planes of the sphere: polygons of many sizes, planar up to rounding."""
+    from scipy.spatial import ConvexHull
+
+    while True:
+        normals = sphere_points(rng, n)
+        hull = ConvexHull(normals)
+        vertices = -hull.equations[:, :3] / hull.equations[:, 3:]
+        if (hull.equations[:, 3] < -0.3).all():
+            break
+    polygons = []
+    for i, normal in enumerate(normals):
+        ids = np.flatnonzero((hull.simplices == i).any(axis=1))
+        u = np.cross(normal, [0.3, 0.5, 0.8])
+        offsets = vertices[ids] - vertices[ids].mean(axis=0)
+        angles = np.arctan2(offsets @ np.cross(normal, u / np.linalg.norm(u)), offsets @ (u / np.linalg.norm(u)))
+        polygons.append(ids[np.argsort(angles)].tolist())
+    return vertices, polygons

@@ -37,6 +37,14 @@ def data_dir():
     return path
 
 
+@pytest.fixture
+def datasets_tools(monkeypatch):
+    """The folder of the scripts on the path, as it is when one of them runs."""
+    folder = ROOT / "datasets_tools"
+    monkeypatch.syspath_prepend(str(folder))
+    return folder
+
+
 def pytest_collection_modifyitems(config, items):
     """Skip what is marked slow unless `-m` asks for it."""
     if "slow" in (config.option.markexpr or ""):

@@ -311,14 +311,26 @@ def icosphere(subdivisions: int = 2) -> Mesh:
     return surface[0] / np.linalg.norm(surface[0], axis=1, keepdims=True), surface[1]
 
 
-def uv_sphere(n_rings: int = 8, n_sectors: int = 12) -> Mesh:
-    """Unit sphere with poles on the z axis. Its quads are planar only up to rounding."""
-    theta = np.pi * np.arange(1, n_rings) / n_rings
+def two_fans(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Triangles of n corners 1 ... n in a ring, with vertex 0 above and vertex n + 1 below: together closed."""
+    ring = np.arange(1, n + 1)
+    above = np.column_stack([np.zeros(n, np.int64), ring, np.roll(ring, -1)])
+    return above, np.column_stack([np.full(n, n + 1), np.roll(ring, -1), ring])
+
+
+def parallels(theta: NDArray[np.float64], n_sectors: int) -> NDArray[np.float64]:
+    """Points of the unit sphere at angles from the z axis, a ring of `n_sectors` for each."""
     phi = 2 * np.pi * np.arange(n_sectors) / n_sectors
-    ring = np.stack(
+    return np.stack(
         [np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi)),
          np.outer(np.cos(theta), np.ones(n_sectors))], axis=-1,
     ).reshape(-1, 3)  # fmt: skip
+
+
+def uv_sphere(n_rings: int = 8, n_sectors: int = 12) -> Mesh:
+    """Unit sphere with poles on the z axis. Its quads are planar only up to rounding."""
+    theta = np.pi * np.arange(1, n_rings) / n_rings
+    ring = parallels(theta, n_sectors)
     vertices = np.concatenate([[(0, 0, 1)], ring, [(0, 0, -1)]])
     last = len(vertices) - 1
     faces = []

@@ -1,7 +1,6 @@
 """The scripts of `datasets_tools`: help, exit codes, and the shapes by formula against the library."""
 
 import ast
-import csv
 import hashlib
 import json
 import os
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tables import read_rows
 
 from voxkernel import as_mesh, best_center, exact_kernel
 
@@ -25,15 +25,7 @@ PARTS = (
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def tools(monkeypatch):
-    """The folder of the scripts on the path, as it is when one of them runs."""
-    monkeypatch.syspath_prepend(str(TOOLS))
-
-
-def _read(path):
-    with path.open(newline="") as lines:
-        return list(csv.DictReader(lines))
+pytestmark = pytest.mark.usefixtures("datasets_tools")
 
 
 def test_csv_has_no_formulas_and_is_read_as_it_was(tmp_path):
@@ -41,7 +33,7 @@ def test_csv_has_no_formulas_and_is_read_as_it_was(tmp_path):
 
     texts = ["=1", "'=1", "-a", "\t=1", "'quoted'", "plain", ""]
     tool.write_csv(tmp_path / "a.csv", ["text", "number"], [{"text": text, "number": -0.5} for text in texts])
-    assert [row["text"] for row in _read(tmp_path / "a.csv")] == ["'" + text for text in texts[:4]] + texts[4:]
+    assert [row["text"] for row in read_rows(tmp_path / "a.csv")] == ["'" + text for text in texts[:4]] + texts[4:]
     found = tool.read_csv(tmp_path / "a.csv")
     assert [row["text"] for row in found] == texts
     assert {row["number"] for row in found} == {"-0.5"}
@@ -276,7 +268,7 @@ def test_manifest_and_broken_files(tmp_path, capsys):
     folder = tmp_path / "shapes"
     assert main([str(folder), "--families", "star,open", "--count", "3", "--facets", "60", "--broken", "6"]) == 0
     assert capsys.readouterr().out == ""
-    rows = _read(folder / "manifest.csv")
+    rows = read_rows(folder / "manifest.csv")
     assert [row["label"] for row in rows] == ["star"] * 3 + ["open"] * 3 + ["broken"] * 6
     assert sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.ply")) == sorted(r["file"] for r in rows)
     assert tuple(row["kind"] for row in rows[6:]) == BROKEN

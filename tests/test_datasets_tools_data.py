@@ -9,21 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tables import read_rows
 
 from voxkernel import VoxKernelError, as_mesh, defect_profile, exact_kernel, spherical_map, starshapeness
 
 TOOLS = Path(__file__).resolve().parent.parent / "datasets_tools"
 
 
-@pytest.fixture(autouse=True)
-def tools(monkeypatch):
-    """The folder of the scripts on the path, as it is when one of them runs."""
-    monkeypatch.syspath_prepend(str(TOOLS))
-
-
-def _read(path):
-    with path.open(newline="") as lines:
-        return list(csv.DictReader(lines))
+pytestmark = pytest.mark.usefixtures("datasets_tools")
 
 
 # ---------------------------------------------------------------- BU-3DFE
@@ -66,7 +59,7 @@ def test_bu3dfe_manifest(bu3dfe, tmp_path, capsys):
 
     assert main([str(bu3dfe), "-o", str(tmp_path / "faces.csv")]) == 0
     assert capsys.readouterr().err == "9 meshes of 6 subjects\n"
-    rows = _read(tmp_path / "faces.csv")
+    rows = read_rows(tmp_path / "faces.csv")
     assert tuple(rows[0]) == COLUMNS
     assert [row["file"] for row in rows] == sorted(FACES)
     found = {row["file"]: row for row in rows}
@@ -85,7 +78,7 @@ def test_bu3dfe_conversion(bu3dfe, tmp_path):
     target = tmp_path / "ply"
     argv = [str(bu3dfe), "-o", str(tmp_path / "a.csv"), "--kind", "F3D", "--expressions", "ne,ha", "--ply", str(target)]
     assert main([*argv, "--quiet"]) == 0
-    rows = _read(tmp_path / "a.csv")
+    rows = read_rows(tmp_path / "a.csv")
     assert [row["expression"] for row in rows] == ["NE", "HA", "NE"]
     for row in rows:
         assert Path(row["ply"]) == target / Path(row["file"]).with_suffix(".ply")
@@ -109,7 +102,7 @@ def test_bu3dfe_names_files_it_cannot_use(bu3dfe, tmp_path, capsys):
     assert len(errors) == len(strange) + 1
     assert all(any(name in line for line in errors) for name in strange)
     assert "F0001_NE00WH_F3D.wrl" in errors[-1]
-    rows = _read(tmp_path / "a.csv")
+    rows = read_rows(tmp_path / "a.csv")
     assert len(rows) == 9
     assert [row["file"] for row in rows if not row["ply"]] == ["F0001/F0001_NE00WH_F3D.wrl"]
 
@@ -175,7 +168,7 @@ def test_thingi10k_manifest(thingi10k, tmp_path):
     assert main(["-o", str(tmp_path / "things.csv"), "--cache", "there", "--quiet"]) == 0
     assert thingi10k.asked == ("npz", "there")
     assert thingi10k.filters == {}
-    rows = _read(tmp_path / "things.csv")
+    rows = read_rows(tmp_path / "things.csv")
     assert tuple(rows[0]) == COLUMNS
     assert [row["file_id"] for row in rows] == ["898", "899", "900"]
     assert [row["closed"] for row in rows] == ["yes", "no", "yes"]
@@ -195,7 +188,7 @@ def test_thingi10k_filters_and_conversion(thingi10k, tmp_path):
     assert thingi10k.filters == {
         "closed": True, "num_facets": (10, 500), "num_components": (1, 1), "license": r"BSD\ \(3", "file_id": [1, 2],
     }  # fmt: skip
-    (row,) = _read(tmp_path / "things.csv")
+    (row,) = read_rows(tmp_path / "things.csv")
     entry = thingi10k.entries[0]
     mesh = as_mesh(row["file"])
     assert Path(row["file"]) == tmp_path / "ply" / "900.ply"
@@ -209,7 +202,7 @@ def test_thingi10k_models_that_hold_no_surface(thingi10k, tmp_path, capsys):
     np.savez(tmp_path / "900.npz", vertices=np.zeros((0, 3)), facets=np.zeros((0, 3), np.int32))
     assert main(["-o", str(tmp_path / "things.csv"), "--ply", str(tmp_path / "ply"), "--quiet"]) == 1
     assert "900.npz" in capsys.readouterr().err
-    assert [row["file_id"] for row in _read(tmp_path / "things.csv")] == ["898", "899"]
+    assert [row["file_id"] for row in read_rows(tmp_path / "things.csv")] == ["898", "899"]
 
 
 def test_thingi10k_without_the_package(tmp_path, monkeypatch, capsys):
@@ -259,7 +252,7 @@ def test_check_manifest_finds_an_altered_value(made, column, change, capsys):
     from check_manifest import main
 
     file = made / "manifest.csv"
-    rows = _read(file)
+    rows = read_rows(file)
     kind = "near-star/shelf-00001.ply" if column == "defect" else "star/notched-box-00003.ply"
     (row,) = (row for row in rows if row["file"] == kind)
     listed = row[column]
@@ -410,7 +403,7 @@ def evaluated(tmp_path_factory):
         write_shapes(folder, families=families, count=12, facets=40, seed=3, broken=2)
     finally:
         sys.path.remove(str(TOOLS))
-    listed = _read(folder / "manifest.csv")
+    listed = read_rows(folder / "manifest.csv")
     return folder, [_row(folder, entry["file"]) for entry in listed], listed
 
 

@@ -35,8 +35,7 @@ plotter = pyvista.Plotter(off_screen=True, shape=(2, 3), window_size=(1800, 1160
 plotter.set_background("white", all_renderers=True)
 for i, (mesh, kernel) in enumerate(zip(faces, kernels, strict=True)):
     plotter.subplot(i // 3, i % 3)
-    corners = mesh.vertices[mesh.faces]
-    ahead = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+    ahead = mesh.facet_areas @ mesh.facet_normals
     ahead /= np.linalg.norm(ahead)
     # The longest axis of a face that is not its viewing direction is upright, up to its sign.
     flat = mesh.vertices - mesh.vertices.mean(axis=0)

@@ -32,8 +32,7 @@ for grid in grids:
 # %%
 # The picture
 # -----------
-corners = mesh.vertices[mesh.faces]
-ahead = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+ahead = mesh.facet_areas @ mesh.facet_normals
 ahead /= np.linalg.norm(ahead)
 flat = mesh.vertices - mesh.vertices.mean(axis=0)
 flat = flat - np.outer(flat @ ahead, ahead)

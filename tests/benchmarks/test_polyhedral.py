@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cells import hull_cell, sphere_points, voronoi_like_cell
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
@@ -10,44 +11,15 @@ from voxkernel.polyhedral import PolyhedralMesh, cell_kernels
 N_SHAPES, N_CELLS, N_SCIPY = 200, 20_000, 200
 
 
-def sphere_points(rng, n):
-    points = rng.standard_normal((n, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None]
-
-
 def triangle_cell(rng, low):
     """Hull of 12 points of the sphere, 20 triangles, corners then pulled in to radii between `low` and 1."""
-    points = sphere_points(rng, 12)
-    hull = ConvexHull(points)
-    faces = hull.simplices.copy()
-    corners = points[faces]
-    turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = (turn * hull.equations[:, :3]).sum(axis=1) < 0
-    faces[inward] = faces[inward][:, ::-1]
+    points, faces = hull_cell(sphere_points(rng, 12))
     return points * rng.uniform(low, 1.0, 12)[:, None], faces.tolist()
-
-
-def voronoi_cell(rng):
-    """Twenty tangent planes of the sphere: 36 vertices, polygons of 3 to about 10 corners."""
-    while True:
-        normals = sphere_points(rng, 20)
-        hull = ConvexHull(normals)
-        if (hull.equations[:, 3] < -0.3).all():
-            break
-    vertices = -hull.equations[:, :3] / hull.equations[:, 3:]
-    polygons = []
-    for i, normal in enumerate(normals):
-        ids = np.flatnonzero((hull.simplices == i).any(axis=1))
-        u = np.cross(normal, [0.3, 0.5, 0.8])
-        u /= np.linalg.norm(u)
-        offsets = vertices[ids] - vertices[ids].mean(axis=0)
-        polygons.append(ids[np.argsort(np.arctan2(offsets @ np.cross(normal, u), offsets @ u))].tolist())
-    return vertices, polygons
 
 
 FAMILIES = {
     "convex, triangles": lambda rng: triangle_cell(rng, 1.0),
-    "convex, Voronoi-like": voronoi_cell,
+    "convex, Voronoi-like": lambda rng: voronoi_like_cell(rng, 20),
     "star": lambda rng: triangle_cell(rng, 0.6),
 }
 

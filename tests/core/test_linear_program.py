@@ -21,10 +21,7 @@ from voxkernel.halfspaces import HalfSpaces
 
 def test_twins_at_a_vertex_of_high_degree():
     n = 200
-    ring = np.arange(1, n + 1)
-    fan = np.column_stack([np.zeros(n, np.int64), ring, np.roll(ring, -1)])
-    under = np.column_stack([np.full(n, n + 1), np.roll(ring, -1), ring])
-    twins = halfedge_twins(np.concatenate([fan, under]), n + 2)
+    twins = halfedge_twins(np.concatenate(shapes.two_fans(n)), n + 2)
     assert (twins >= 0).all()
     assert (twins[twins] == np.arange(len(twins))).all()
 

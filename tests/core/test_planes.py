@@ -57,9 +57,7 @@ def test_boundary_is_zero(rows):
 
 def test_boundary_is_zero_at_a_vertex_of_high_degree():
     n = 200
-    ring = np.arange(1, n + 1)
-    fan = np.column_stack([np.zeros(n, np.int64), ring, np.roll(ring, -1)])
-    under = np.column_stack([np.full(n, n + 1), np.roll(ring, -1), ring])
+    fan, under = shapes.two_fans(n)
     assert boundary_is_zero(np.concatenate([fan, under]), n + 2)
     assert not boundary_is_zero(fan, n + 2)
 

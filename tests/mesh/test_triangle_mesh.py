@@ -1,4 +1,3 @@
-import csv
 import dataclasses
 from fractions import Fraction
 
@@ -7,6 +6,7 @@ import pytest
 import shapes
 from hypothesis import given
 from hypothesis import strategies as st
+from tables import read_rows
 
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh, as_mesh
@@ -551,13 +551,8 @@ COLLAPSED = "open/ir_leeperrysmith_head.ply"
 PINCHED = "faces/real_leeperrysmith_face.ply"
 
 
-def _rows(path):
-    with path.open(newline="") as table:
-        return list(csv.DictReader(table))
-
-
 def test_facts_agree_with_the_manifest(data_dir):
-    for row in _rows(data_dir / "manifest.csv"):
+    for row in read_rows(data_dir / "manifest.csv"):
         facts = as_mesh(data_dir / row["file"]).facts()
         got = {
             "vertices": facts.n_vertices,
@@ -605,7 +600,7 @@ def test_manifest_counts_two_loops_that_touch_as_one(data_dir):
 
 
 def test_polyhedral_cells(data_dir):
-    for row in _rows(data_dir / "polyhedral" / "cells.csv"):
+    for row in read_rows(data_dir / "polyhedral" / "cells.csv"):
         mesh = as_mesh(data_dir / row["file"])
         facts = mesh.facts()
         assert (facts.n_vertices, facts.n_facets) == (int(row["vertices"]), int(row["faces"]))
@@ -617,7 +612,7 @@ def test_polyhedral_cells(data_dir):
 
 
 def test_asteroids(data_dir):
-    for row in _rows(data_dir / "asteroids" / "manifest.csv"):
+    for row in read_rows(data_dir / "asteroids" / "manifest.csv"):
         facts = as_mesh(data_dir / "asteroids" / row["file"]).facts()
         assert (facts.n_vertices, facts.n_faces) == (int(row["vertices"]), int(row["faces"]))
         assert facts.is_closed

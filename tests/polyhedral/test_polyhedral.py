@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pytest
 import shapes
-from cells import as_cell, hull_cell, sphere_points
+from cells import as_cell, hull_cell, sphere_points, voronoi_like_cell
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -58,26 +58,6 @@ def exact_slack(surface, point):
 
 
 # ---------------------------------------------------------------- families by formula
-
-
-def voronoi_like_cell(rng, n):
-    """A simple polyhedron of n tangent planes of the sphere: polygons of many sizes, planar up to rounding."""
-    from scipy.spatial import ConvexHull
-
-    while True:
-        normals = sphere_points(rng, n)
-        hull = ConvexHull(normals)
-        vertices = -hull.equations[:, :3] / hull.equations[:, 3:]
-        if (hull.equations[:, 3] < -0.3).all():
-            break
-    polygons = []
-    for i, normal in enumerate(normals):
-        ids = np.flatnonzero((hull.simplices == i).any(axis=1))
-        u = np.cross(normal, [0.3, 0.5, 0.8])
-        offsets = vertices[ids] - vertices[ids].mean(axis=0)
-        angles = np.arctan2(offsets @ np.cross(normal, u / np.linalg.norm(u)), offsets @ (u / np.linalg.norm(u)))
-        polygons.append(ids[np.argsort(angles)].tolist())
-    return vertices, polygons
 
 
 def star_cell(rng, n, low):

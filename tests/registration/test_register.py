@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapes
+from cells import hull_cell
 from scipy.spatial.transform import Rotation
 
 from voxkernel import as_mesh, exact_kernel, kernel_moments, register, register_many, voxel_kernel
@@ -34,15 +35,7 @@ def off(found, truth, vertices):
 
 def boulder(n=24, seed=5):
     """A convex body without any symmetry."""
-    from scipy.spatial import ConvexHull
-
-    points = np.random.default_rng(seed).normal(size=(n, 3)) * [3, 2, 1]
-    hull = ConvexHull(points)
-    faces = hull.simplices.copy()
-    corners = points[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward, ::-1]
+    points, faces = hull_cell(np.random.default_rng(seed).normal(size=(n, 3)) * [3, 2, 1])
     return points, faces.astype(np.int64)
 
 

@@ -36,11 +36,7 @@ def angle_at(mesh, x):
 def cap(height, n_rings=60, n_sectors=120):
     """The part of a fine unit sphere above a height, its rim a regular polygon at exactly that height."""
     theta = np.arccos(height) * np.arange(1, n_rings + 1) / n_rings
-    phi = 2 * np.pi * np.arange(n_sectors) / n_sectors
-    ring = np.stack(
-        [np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi)),
-         np.outer(np.cos(theta), np.ones(n_sectors))], axis=-1,
-    ).reshape(-1, 3)  # fmt: skip
+    ring = shapes.parallels(theta, n_sectors)
     faces = [(0, 1 + j, 1 + (j + 1) % n_sectors) for j in range(n_sectors)]
     for i in range(n_rings - 1):
         for j in range(n_sectors):
