@@ -76,11 +76,11 @@ std::vector<Index> opposing_rows(const DeepestPoint& deepest, const std::vector<
 DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop& stop) {
   DeepPoint result;
   std::vector<Index>& rows = result.rows;
-  HalfSpaceColumns planes(0);  // those of `rows`
+  HalfSpaceColumns planes(0);  // those of `rows`, without errors: the simplex asks for none
   const auto add_rows = [&](const std::vector<Index>& fresh) {
     rows.insert(rows.end(), fresh.begin(), fresh.end());
     planes.reserve(static_cast<Index>(rows.size()));
-    for (const Index i : fresh) planes.push(normals[i], offsets[i], errors[i]);
+    for (const Index i : fresh) planes.push(normals[i], offsets[i], 0.0);
   };
   add_rows(first_rows(offsets.size()));
   std::vector<Index> ids(kBins);
