@@ -192,6 +192,13 @@ def test_every_class_a_public_name_leads_to_is_public():
     assert not api_pages.result_classes()
 
 
+@pytest.mark.parametrize("name", [n for n in CALLABLES if n[0].islower()])
+def test_a_result_has_one_type(name):
+    """Whatever the arguments: no union, not even with None."""
+    returned = str(inspect.signature(getattr(voxkernel, name)).return_annotation)
+    assert not re.search(r"\||Union|Optional|^Any$", returned), returned
+
+
 def test_errors_are_one_family():
     from voxkernel import errors
 
