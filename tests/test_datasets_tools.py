@@ -47,7 +47,7 @@ def test_help_needs_no_library(name):
     """`-S` hides installed packages: numpy, voxkernel and the rest cannot have been imported."""
     env = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}  # they import one another
     command = [sys.executable, "-S", str(TOOLS / f"{name}.py"), "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=env)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=env)
     assert done.returncode == 0, done.stderr
     assert "examples:" in done.stdout
     assert f"{name}.py" in done.stdout

@@ -43,7 +43,7 @@ def answers(asked):
     env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parent.parent)}
     text = "".join(f"{path}\t{call}\n" for path, call in asked)
     run = [sys.executable, "-c", CODE]
-    done = subprocess.run(run, input=text, capture_output=True, text=True, timeout=100, env=env)
+    done = subprocess.run(run, input=text, capture_output=True, text=True, timeout=120, env=env)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) == len(asked), lines

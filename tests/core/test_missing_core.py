@@ -25,7 +25,7 @@ def copy_without_core(folder):
 def imported(folder):
     # Without site-packages: an editable install would find its own module, and NumPy is not reached.
     code = f"import sys; sys.path.insert(0, {str(folder)!r}); import voxkernel"
-    return subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, timeout=120)
 
 
 @pytest.mark.parametrize("has_sources", [True, False])

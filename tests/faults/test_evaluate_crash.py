@@ -45,9 +45,9 @@ def test_each_costs_its_own_row_only(tmp_path):
     assert all(len(r["content_hash"]) == 64 for r in result.table().to_pylist())
 
     # What failed is not tried again unless asked for, even though workers died of it.
-    begin = time.monotonic()
+    before = stored(tmp_path / "run")
     assert evaluated(folder, tmp_path / "run", timeout=2.0).n_reused == 66
-    assert time.monotonic() - begin < 1.5
+    assert stored(tmp_path / "run") == before  # with the times at which they were finished
 
 
 def test_worker_killed_from_outside_costs_nothing(tmp_path):
@@ -167,7 +167,7 @@ def test_client_killed_at_random_times(tmp_path):
     whole = evaluated(folder, tmp_path / "whole", timeout=20.0)
     assert (whole.n_ok, whole.n_failed) == (80, 1)
     assert comparable(final) == comparable(stored(tmp_path / "whole"))
-    end = time.monotonic() + 20
+    end = time.monotonic() + 120
     while any(map(is_alive, children)) and time.monotonic() < end:
         time.sleep(0.2)
     assert not any(map(is_alive, children)), "worker processes outlived their client"
@@ -180,10 +180,8 @@ def test_ctrl_c(tmp_path):
     process = client(script, "evaluate", folder, "-o", run, "--workers", 2)
     wait_for_rows(run, 5, process)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all of the group
-    begin = time.monotonic()
     out, err = process.communicate(timeout=120)
     assert process.returncode == 130
-    assert time.monotonic() - begin < 15
     assert out == ""
     assert "voxkernel: error: interrupted" in err
     assert "Traceback" not in err

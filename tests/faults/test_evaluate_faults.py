@@ -312,7 +312,7 @@ def test_faults_at_random_moments(tmp_path, script, number):
     assert comparable(final) == expected
     assert unfinished(run) == []
     assert all((run / row["thumbnail"]).stat().st_size == PICTURE for row in final.values() if row["thumbnail"])
-    end = time.monotonic() + 60
+    end = time.monotonic() + 120
     while any(map(is_alive, children)) and time.monotonic() < end:
         time.sleep(0.2)
     assert not any(map(is_alive, children)), "worker processes outlived their client"

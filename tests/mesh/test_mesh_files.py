@@ -176,7 +176,7 @@ def test_counts_beyond_the_file_take_no_memory(tmp_path):
     )
     env = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parent.parent), "OPENBLAS_NUM_THREADS": "1"}
     run = [sys.executable, "-c", code, *(str(tmp_path / name) for name in files)]
-    done = subprocess.run(run, capture_output=True, text=True, timeout=60, env=env)
+    done = subprocess.run(run, capture_output=True, text=True, timeout=120, env=env)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) == len(files)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -23,20 +23,19 @@ def test_area_is_the_share_of_pairs_won(items):
     assert curve.area == pytest.approx(expected, abs=1e-14, nan_ok=True)
     assert (curve.n_positive, curve.n_negative) == (positive.sum(), (~positive).sum())
     # The area is also the one under the curve as drawn, and SciPy's Mann-Whitney statistic.
-    if curve.n_positive and curve.n_negative:
-        x, y = curve.false_positive_rate, curve.true_positive_rate
-        drawn = np.sum(np.diff(x) * (y[1:] + y[:-1]) / 2)
-        assert drawn == pytest.approx(expected, abs=1e-12)
-        u = stats.mannwhitneyu(scores[positive], scores[~positive], method="asymptotic").statistic
-        assert u / (curve.n_positive * curve.n_negative) == pytest.approx(expected, abs=1e-12)
+    assume(curve.n_positive and curve.n_negative)
+    x, y = curve.false_positive_rate, curve.true_positive_rate
+    drawn = np.sum(np.diff(x) * (y[1:] + y[:-1]) / 2)
+    assert drawn == pytest.approx(expected, abs=1e-12)
+    u = stats.mannwhitneyu(scores[positive], scores[~positive], method="asymptotic").statistic
+    assert u / (curve.n_positive * curve.n_negative) == pytest.approx(expected, abs=1e-12)
 
 
 @given(SCORES)
 def test_each_point_of_the_curve_is_a_threshold(items):
     scores, positive = np.array([s for s, _ in items]), np.array([p for _, p in items])
     curve = roc_curve(scores, positive)
-    if not curve.n_positive or not curve.n_negative:
-        return
+    assume(curve.n_positive and curve.n_negative)
     thresholds = [np.inf, *sorted(set(scores), reverse=True)]
     assert curve.false_positive_rate.tolist() == pytest.approx(
         [np.mean(scores[~positive] >= t) for t in thresholds], abs=1e-15
@@ -49,9 +48,9 @@ def test_each_point_of_the_curve_is_a_threshold(items):
 @given(SCORES)
 def test_area_of_the_turned_score_is_the_rest(items):
     scores, positive = np.array([s for s, _ in items]), np.array([p for _, p in items])
-    if positive.any() and not positive.all():
-        assert area_under(-scores, positive) == pytest.approx(1 - area_under(scores, positive), abs=1e-14)
-        assert area_under(scores, ~positive) == pytest.approx(1 - area_under(scores, positive), abs=1e-14)
+    assume(positive.any() and not positive.all())
+    assert area_under(-scores, positive) == pytest.approx(1 - area_under(scores, positive), abs=1e-14)
+    assert area_under(scores, ~positive) == pytest.approx(1 - area_under(scores, positive), abs=1e-14)
 
 
 def test_roc_by_hand():
