@@ -25,6 +25,7 @@ NAMES = [
     "GridReadError",
     "HalfSpaces",
     "Harmonics",
+    "Kernel",
     "KernelGrid",
     "KernelMoments",
     "KernelPoints",

@@ -5,7 +5,7 @@ from voxkernel import _core_check as _core_check
 from voxkernel._version import __version__ as __version__
 from voxkernel.errors import GridReadError, MeshError, MeshReadError, SolverError, VoxKernelError
 from voxkernel.evaluation import EvaluateSettings, EvaluationResult, evaluate
-from voxkernel.exact import Certificate, KernelPolytope, exact_kernel
+from voxkernel.exact import Certificate, Kernel, KernelPolytope, exact_kernel
 from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.measures import (
@@ -49,6 +49,7 @@ __all__ = [
     "GridReadError",
     "HalfSpaces",
     "Harmonics",
+    "Kernel",
     "KernelGrid",
     "KernelMoments",
     "KernelPoints",

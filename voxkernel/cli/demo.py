@@ -60,7 +60,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _one(shape: Any, folder: Path) -> dict[str, Any]:
-    from voxkernel.cli.kernel_files import write_polygon_ply
     from voxkernel.measures import starshapeness
     from voxkernel.pictures import surface_picture
 
@@ -69,7 +68,7 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
     score = starshapeness(mesh)
     seconds = time.perf_counter() - started
     mesh.write(folder / f"{shape.name}.ply")
-    write_polygon_ply(score.kernel, folder / f"{shape.name}-kernel.ply")
+    score.kernel.write(folder / f"{shape.name}-kernel.ply")
     (folder / f"{shape.name}-kernel.json").write_text(to_json(score.kernel.to_dict()) + "\n", encoding="utf-8")
     picture = folder / f"{shape.name}.png"
     surface_picture(mesh, score.kernel, picture, title=shape.title)
