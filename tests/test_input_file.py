@@ -16,7 +16,6 @@ READERS = {
     **{suffix: "voxkernel.read_polyhedral(path)" for suffix in (".hedra", ".mesh", ".vtu")},
     ".vdb": "voxkernel.read_vdb(path)",
     ".npz": "read_npz(path)",
-    ".grid": "read_grid_file(path)",
     ".csv": "read_labels(path)",
     ".parquet": "read_parts(LocalFileSystem(), [path])",
 }
@@ -26,7 +25,6 @@ CODE = """
 import sys, voxkernel
 from voxkernel.evaluation.inputs import Item, content_hash, read_labels
 from voxkernel.run_table import read_parts
-from voxkernel.cli.kernel_files import read_grid_file
 from voxkernel.grid import read_npz
 from fsspec.implementations.local import LocalFileSystem
 for line in sys.stdin.read().splitlines():

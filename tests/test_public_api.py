@@ -28,6 +28,7 @@ NAMES = [
     "GridReadError",
     "HalfSpaces",
     "Harmonics",
+    "Kernel",
     "KernelGrid",
     "KernelMoments",
     "KernelPoints",

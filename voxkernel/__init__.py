@@ -8,7 +8,7 @@ TYPE_CHECKING = False  # from `typing`, which would have to be imported
 if TYPE_CHECKING:
     from voxkernel.errors import GridReadError, MeshError, MeshReadError, MissingExtraError, SolverError, VoxKernelError
     from voxkernel.evaluation import EvaluateSettings, EvaluationResult, evaluate
-    from voxkernel.exact import Certificate, KernelPolytope, exact_kernel
+    from voxkernel.exact import Certificate, Kernel, KernelPolytope, exact_kernel
     from voxkernel.grid import SparseGrid
     from voxkernel.halfspaces import Domain, HalfSpaces
     from voxkernel.measures import (
@@ -52,6 +52,7 @@ __all__ = [
     "GridReadError",
     "HalfSpaces",
     "Harmonics",
+    "Kernel",
     "KernelGrid",
     "KernelMoments",
     "KernelPoints",
@@ -114,6 +115,7 @@ _HOMES = {
     "GridReadError": "errors",
     "HalfSpaces": "halfspaces",
     "Harmonics": "spherical",
+    "Kernel": "exact",
     "KernelGrid": "voxels",
     "KernelMoments": "measures",
     "KernelPoints": "measures",

@@ -41,7 +41,7 @@ print(f"{len(grid)} points, {len(normals)} facets, {len(left)} points left")
 # differently; the "undecided" ones lie in voxels that the boundary crosses.
 kernel = voxkernel.exact_kernel(mesh)
 voxels = voxkernel.voxel_kernel(mesh, depth=8)
-swept, struck = voxels.contains(left), voxels.contains(grid)
+swept, struck = voxels.classify(left), voxels.classify(grid)
 print(kernel)
 print(f"left by the sweep: {np.sum(swept == 1)} inside, {np.sum(swept == 0)} undecided, {np.sum(swept == -1)} outside")
 assert np.sum(struck == 1) == np.sum(swept == 1)

@@ -36,7 +36,7 @@ for normal, offset in zip(normals, offsets, strict=True):
 kernel = voxkernel.exact_kernel(mesh)
 print(f"{len(grid)} points, {len(normals)} facets, {len(left)} points left")
 print(kernel)
-inside = voxkernel.voxel_kernel(mesh, depth=8).contains(left)
+inside = voxkernel.voxel_kernel(mesh, depth=8).classify(left)
 print(f"in the voxel grid: {np.sum(inside == 1)} inside, {np.sum(inside == 0)} undecided, {np.sum(inside < 0)} outside")
 assert (inside >= 0).all()
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import fuzz_mutations as fm
 import numpy as np
+import shapes
 from grids import random_grid, with_inactive_tiles
 
 
@@ -35,12 +36,11 @@ def read_npz_file(path):
 
 
 def read_kernel_npz(path):
-    from voxkernel.cli.kernel_files import read_grid_file
+    from voxkernel.voxels import KernelGrid
 
-    summary = read_grid_file(str(path))
-    assert isinstance(summary, dict), "a summary that is no table"
-    json.dumps(summary)
-    return ()
+    grid = KernelGrid.read(path)
+    json.dumps(grid.to_dict())
+    return _check_grid(grid.inside) + _check_grid(grid.boundary)
 
 
 def _sample_grids():
@@ -202,14 +202,10 @@ def damage_member(rng, name, content):
 
 @cache
 def kernel_npz_seeds():
-    """As `voxkernel kernel cube.ply -o cube.npz` writes it, without computing a kernel."""
-    from voxkernel.cli.kernel_files import FORMAT
+    """As `voxkernel kernel cube.ply -o cube.npz` writes it."""
+    from voxkernel.voxels import voxel_kernel
 
-    grid = random_grid(1, n_cells=4)
-    summary = {"depth": 3, "tolerance": 0.0, "dimension": 3, "volume": 1.0, "volume_bounds": [0.9, 1.1], "reason": ""}
-    stream = io.BytesIO()
-    np.savez(
-        stream, tile_ijk=grid.tile_ijk, tile_log2=grid.tile_log2, leaf_ijk=grid.leaf_ijk, leaf_inside=grid.leaf_mask,
-        format=np.array(FORMAT), summary=np.array(json.dumps(summary)),
-    )  # fmt: skip
-    return [fm.zip_bytes(fm.zip_members(stream.getvalue()))]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "a.npz"
+        voxel_kernel(shapes.cube(), depth=3, domain="box").write(file)
+        return [fm.zip_bytes(fm.zip_members(file.read_bytes()))]

@@ -348,7 +348,7 @@ def _assert_grid_encloses(grid, planes, truth, rng):
     points = np.concatenate(
         [points, points + rng.normal(scale=0.3, size=points.shape), rng.uniform(-4, 4, (10, 3))]
     )
-    for xyz, answer in zip(points, grid.contains(points), strict=True):
+    for xyz, answer in zip(points, grid.classify(points), strict=True):
         is_inside = oracle.is_inside(planes, xyz)
         assert answer != (-1 if is_inside else 1)
 
@@ -408,8 +408,8 @@ def test_grid_and_exact_kernel_share_the_domain():
     grid = voxel_kernel(surface, depth=6)
     lower, upper = grid.volume_bounds
     assert lower <= exact.volume <= upper
-    assert (grid.contains(exact.vertices) != -1).all()
-    assert grid.contains(exact.centroid[None])[0] == 1
+    assert (grid.classify(exact.vertices) != -1).all()
+    assert grid.classify(exact.centroid[None])[0] == 1
 
 
 # ---------------------------------------------------------------- surfaces that are not what they should be

@@ -23,7 +23,7 @@ def test_no_voxel_is_wrong(surface, rng, share):
     points = np.concatenate([rng.uniform(low, high, (300, 3)), rng.integers(2 * low, 2 * high + 1, (100, 3)) / 2])
     values = violation(surface, points)
     inside = (points @ grid.domain.normals.T <= grid.domain.offsets - 1e-9 * (1 + np.abs(high - low).max())).all(axis=1)
-    answer = grid.contains(points)
+    answer = grid.classify(points)
     index = grid.world_to_index(points) + 0.5
     clear = (np.abs(index - np.rint(index)) > 1e-6).all(axis=1)
     assert (values[clear & (answer == 1)] <= share + 1e-15).all()
@@ -50,7 +50,7 @@ def test_tolerance_zero_is_the_exact_kernel(surface):
     assert high >= kernel.volume * (1 - 1e-9)
     if kernel.dimension == 3:
         inner = kernel.centroid + 0.999 * (kernel.vertices - kernel.centroid)
-        assert (relaxed.contains(inner) >= 0).all()
+        assert (relaxed.classify(inner) >= 0).all()
     single = voxel_kernel(surface, depth=5)
     assert single.tolerance == 0
     assert low <= single.volume_bounds[1]

@@ -23,7 +23,7 @@ def assert_verdicts(grid, surface, points):
     values = violation(surface, points)
     inside = in_domain(grid.domain, points)
     beyond = ~in_domain(grid.domain, points, -1e-9)
-    answer = grid.contains(points)
+    answer = grid.classify(points)
     # A point within rounding of a voxel face may be given the answer of either voxel.
     index = grid.world_to_index(points) + 0.5
     clear = (np.abs(index - np.rint(index)) > 1e-6).all(axis=1)
@@ -47,7 +47,7 @@ def test_one_side_of_a_cube():
     volume = 1 + 3 * 3 + 3 * 2  # sides at -3..0 (3 deep) and 1..3 (2 deep)
     assert low <= volume <= high
     assert high - low < 0.6 * volume
-    assert grid.contains([(0.5, 0.5, 2.5), (0.5, 0.5, -2.5), (2, 2, 0.5), (0.5, 0.5, 0.5)]).tolist() == [1, 1, -1, 1]
+    assert grid.classify([(0.5, 0.5, 2.5), (0.5, 0.5, -2.5), (2, 2, 0.5), (0.5, 0.5, 0.5)]).tolist() == [1, 1, -1, 1]
     assert grid.tolerance == 0.2
     assert grid.dimension == 3
     assert grid.domain.kind == "planes"
@@ -165,9 +165,9 @@ def test_margin():
     # At margin 0 the star centre itself stays in: bounds allow for the rounding of the weights.
     found = best_center(surface)
     tight = voxel_kernel(surface, margin=0, depth=8)
-    assert tight.contains(found.point[None])[0] >= 0
+    assert tight.classify(found.point[None])[0] >= 0
     # A star-shaped surface has v* = 0.
-    assert voxel_kernel(shapes.l_prism(), margin=0.0, depth=4).contains([(0.5, 0.5, 0.5)])[0] == 1
+    assert voxel_kernel(shapes.l_prism(), margin=0.0, depth=4).classify([(0.5, 0.5, 0.5)])[0] == 1
 
 
 # ---------------------------------------------------------------- defined answers for odd input
@@ -186,7 +186,7 @@ def test_all_on_one_plane_from_both_sides():
     grid = voxel_kernels((vertices, [(0, 1, 2), (0, 2, 3), (0, 2, 1), (0, 3, 2)]), tolerances=[0.4, 0.6], depth=4)
     assert grid[0].domain.kind == "ball"
     assert grid[0].active_voxel_count == 0
-    assert grid[0].contains([(0.5, 0.5, 0)])[0] == 0  # the plane itself, at any depth
+    assert grid[0].classify([(0.5, 0.5, 0)])[0] == 0  # the plane itself, at any depth
     assert grid[1].active_voxel_count > 0
 
 
@@ -194,7 +194,7 @@ def test_zero_weights():
     """Half-spaces of weight 0 do not count in relaxed kernels."""
     planes = HalfSpaces.from_planes([[1, 0, 0], [0, 1, 0]], [0, 0], weights=[1, 0])
     grid = voxel_kernel(planes, tolerance=0.5, depth=4, domain=CUBE_DOMAIN)
-    assert grid.contains([(-1, 1, 0), (-1, -1, 0), (1, 0, 0)]).tolist() == [1, 1, -1]
+    assert grid.classify([(-1, 1, 0), (-1, -1, 0), (1, 0, 0)]).tolist() == [1, 1, -1]
 
 
 def test_grid_operations_work_between_tolerances():

@@ -23,7 +23,7 @@ def test_bounds_bracket_the_known_volume(name):
     assert (grid.reason == "the kernel is empty") == (known.dimension < 0)
     assert low <= grid.volume <= high
     if known.dimension >= 0:
-        assert grid.contains(exact_kernel(make()).deepest_point[None])[0] >= 0
+        assert grid.classify(exact_kernel(make()).deepest_point[None])[0] >= 0
 
 
 @pytest.mark.parametrize("name", ["l_prism", "star_prism", "crossing_boxes"])
@@ -34,7 +34,7 @@ def test_voxels_tell_the_truth(name, rng):
     low, high = surface[0].min(axis=0), surface[0].max(axis=0)
     points = rng.uniform(low, high, (4000, 3))
     excess = (points @ planes.normals.T - planes.offsets).max(axis=1)
-    answer = grid.contains(points)
+    answer = grid.classify(points)
     assert (excess[answer == 1] <= 1e-12).all()
     assert (excess[answer == -1] >= -1e-12).all()
     assert (np.abs(excess[answer == 0]) <= 1.8 * grid.voxel_size).all()

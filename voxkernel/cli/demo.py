@@ -63,7 +63,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _one(shape: Any, folder: Path) -> dict[str, Any]:
-    from voxkernel.cli.kernel_files import write_polygon_ply
     from voxkernel.measures import starshapeness
     from voxkernel.pictures import surface_picture
 
@@ -72,7 +71,7 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
     score = starshapeness(mesh)
     seconds = time.perf_counter() - started
     mesh.write(folder / f"{shape.name}.ply")
-    write_polygon_ply(score.kernel, folder / f"{shape.name}-kernel.ply")
+    score.kernel.write(folder / f"{shape.name}-kernel.ply")
     write_json(folder / f"{shape.name}-kernel.json", score.kernel.to_dict())
     picture = folder / f"{shape.name}.png"
     surface_picture(picture, mesh, score.kernel, title=shape.title)

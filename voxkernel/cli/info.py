@@ -70,10 +70,14 @@ def mesh_facts(path: str) -> dict[str, Any]:
 
 
 def npz_facts(path: str) -> dict[str, Any]:
-    """Collect the facts of a grid that `voxkernel kernel` wrote."""
-    from voxkernel.cli.kernel_files import read_grid_file
+    """Collect the facts of a kernel grid, or of the grids that another .npz of the library holds."""
+    from voxkernel.grid.npz import read_npz_file
+    from voxkernel.voxels import KernelGrid
 
-    return read_grid_file(path)
+    grids, about = read_npz_file(path)
+    if "volume_bounds" in about:
+        return KernelGrid.read(path).to_dict()
+    return {grid.name or f"grid {n}": f"{grid.active_voxel_count:,} active voxels" for n, grid in enumerate(grids)}
 
 
 def vdb_facts(path: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from voxkernel.cli.output import (
     UsageError,
@@ -17,6 +17,9 @@ from voxkernel.cli.output import (
     say,
     write_json,
 )
+
+if TYPE_CHECKING:
+    from voxkernel.exact import Kernel
 
 HELP = "the kernel of a mesh, exact or as voxels"
 DESCRIPTION = (
@@ -80,15 +83,15 @@ def run(args: argparse.Namespace) -> int:
     if as_grid:
         from voxkernel.voxels import voxel_kernel
 
-        kernel: Any = voxel_kernel(mesh, domain=args.domain, **options)
-        document = _grid_document(kernel)
+        kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
+        document = kernel.to_dict()
         rows = _grid_rows(document)
     else:
         from voxkernel.exact import exact_kernel
 
-        kernel = exact_kernel(mesh, domain=args.domain)
+        kernel = polytope = exact_kernel(mesh, domain=args.domain)
         document = kernel.to_dict()
-        rows = _exact_rows(kernel)
+        rows = _exact_rows(polytope)
     document = {"file": args.mesh, **document}
     if output is not None:
         _write(kernel, document, output)
@@ -97,9 +100,8 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import surface_picture
 
         shown = kernel
-        if (
-            as_grid and kernel.dimension < 3 and not kernel.tolerance
-        ):  # nothing to see in the grid; the polytope has the proof
+        if as_grid and kernel.dimension < 3 and not document["tolerance"]:
+            # Nothing to see in the grid; the polytope has the proof.
             from voxkernel.exact import exact_kernel
 
             shown = exact_kernel(mesh, domain=args.domain)
@@ -110,12 +112,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_table({"file": display(args.mesh), **rows})
     return 0
-
-
-def _grid_document(grid: Any) -> dict[str, Any]:
-    from voxkernel.cli.kernel_files import grid_summary
-
-    return grid_summary(grid)
 
 
 def _kind(dimension: int) -> str:
@@ -165,25 +161,16 @@ def _grid_rows(document: dict[str, Any]) -> dict[str, str]:
     return rows
 
 
-def _write(kernel: Any, document: dict[str, Any], path: Path) -> None:
+def _write(kernel: Kernel, document: dict[str, Any], path: Path) -> None:
+    from voxkernel.voxels import KernelGrid
+
     suffix = path.suffix.lower()
     if suffix == ".json":
         write_json(path, document)
-    elif suffix == ".npz":
-        from voxkernel.cli.kernel_files import write_grid_file
-
-        write_grid_file(kernel, path)
-    elif suffix == ".vdb":
-        from voxkernel.cli.kernel_files import vdb_metadata
-        from voxkernel.vdb import write_vdb
-
-        about = vdb_metadata(kernel, document["file"])
-        write_vdb(path, {"inside": kernel.inside, "boundary": kernel.boundary}, metadata=about)
+    elif isinstance(kernel, KernelGrid) and suffix != ".ply":
+        kernel.write(path, metadata={"source": display(Path(document["file"]).name)})
     else:
-        from voxkernel.cli.kernel_files import write_grid_ply, write_polygon_ply
-
-        write = write_polygon_ply if hasattr(kernel, "face_facets") else write_grid_ply
-        write(kernel, path)
+        kernel.write(path)
 
 
 def _depth(text: str) -> int:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from voxkernel._checks import as_points
 from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate
+from voxkernel.exact.membership import points_inside
+from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.halfspaces import Domain
 from voxkernel.mesh import TriangleMesh
 
@@ -102,6 +108,47 @@ class KernelPolytope(Frozen):
         """Whether no point sees the whole surface."""
         return self.dimension < 0
 
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points lie in the kernel, its border included, exactly for the doubles given.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            World coordinates.
+
+        Returns
+        -------
+        (n,) bool
+            Decided against the half-spaces, not the rounded corners.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `points` is not finite real (n, 3).
+
+        Examples
+        --------
+        >>> import voxkernel
+        >>> tetrahedron = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> voxkernel.exact_kernel(tetrahedron).contains([[0.25, 0.25, 0.5], [0.25, 0.25, 0.5 + 2**-53]])
+        array([ True,  True])
+        >>> voxkernel.exact_kernel(tetrahedron).contains([[0.25, 0.25, 0.5 + 2**-52]])
+        array([False])
+        """
+        xyz = as_points("points", points)
+        if self.is_empty:
+            return np.zeros(len(xyz), np.bool_)
+        planes = self.certificate.halfspaces
+        return points_inside(planes, xyz, np.isin(planes.facet_ids, self.face_facets))
+
+    def classify(self, points: ArrayLike) -> NDArray[np.int8]:
+        """Give 1 for points (n, 3) in the kernel and -1 for those outside; none is undecided (0)."""
+        return np.where(self.contains(points), 1, -1).astype(np.int8)
+
+    def to_points(self) -> NDArray[np.float64]:
+        """Give the corners, (k, 3): `vertices`."""
+        return self.vertices
+
     def to_mesh(self) -> TriangleMesh:
         """Give the faces as a polygon mesh.
 
@@ -120,6 +167,30 @@ class KernelPolytope(Frozen):
             raise MeshError(f"`kernel` must have faces to become a mesh; got a kernel of dimension {self.dimension}")
         return TriangleMesh.from_polygons(self.vertices, [list(map(int, f)) for f in self.faces], source="kernel")
 
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the kernel; the suffix picks the format.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            ``.ply``: the polygons, each with its `face_facets` as ``input_facet``; a file without vertices for an
+            empty kernel. ``.json``: what `to_dict` gives.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is neither.
+        OSError
+            If the file cannot be written.
+        """
+        target = Path(path)
+        if target.suffix.lower() == ".ply":
+            write_polygon_ply(target, self.vertices, self.faces, self.face_facets)
+        elif target.suffix.lower() == ".json":
+            target.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        else:
+            raise ValueError(f"`path` must end in .ply or .json for a polytope; got {os.fspath(path)!r}")
+
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""
         return {
@@ -128,6 +199,7 @@ class KernelPolytope(Frozen):
             "faces": [f.tolist() for f in self.faces],
             "face_facets": self.face_facets.tolist(),
             "volume": self.volume,
+            "volume_bounds": list(self.volume_bounds),
             "area": self.area,
             "centroid": _plain(self.centroid),
             "inertia": self.inertia.tolist(),

@@ -1,6 +1,7 @@
 """Arrays of voxels in, `SparseGrid` out, and from there to files and other libraries. Knows no geometry."""
 
 from voxkernel.grid.linear_octree import LinearOctree, to_linear_octree
+from voxkernel.grid.named_grids import NamedGrids
 from voxkernel.grid.npz import read_npz, write_npz
 from voxkernel.grid.sparse_grid import SparseGrid
 from voxkernel.grid.surface_mesh import to_surface
@@ -8,6 +9,7 @@ from voxkernel.grid.to_other_libraries import to_open3d_points, to_open3d_voxels
 
 __all__ = [
     "LinearOctree",
+    "NamedGrids",
     "SparseGrid",
     "read_npz",
     "to_linear_octree",

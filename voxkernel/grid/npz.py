@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
-from voxkernel._npz import DAMAGE, NpzArrays, read_json
+from voxkernel._npz import DAMAGE, NpzArrays, is_shallow, read_json
 from voxkernel._output_file import whole_file
 from voxkernel.errors import GridReadError
+from voxkernel.grid.named_grids import NamedGrids
 from voxkernel.grid.sparse_grid import SparseGrid
 
-__all__ = ["read_npz", "write_npz"]
+__all__ = ["read_npz", "read_npz_file", "write_npz"]
 
 _FORMAT = "voxkernel-grid"
 _VERSION = 1
@@ -22,15 +23,23 @@ _ARRAYS = ("tile_ijk", "tile_log2", "leaf_ijk", "leaf_mask", "tile_values", "lea
 _INACTIVE = ("inactive_ijk", "inactive_log2", "inactive_values")
 
 
-def write_npz(path: str | os.PathLike[str], grids: SparseGrid | Iterable[SparseGrid]) -> None:
+def write_npz(
+    path: str | os.PathLike[str],
+    grids: SparseGrid | Iterable[SparseGrid] | NamedGrids,
+    *,
+    metadata: Mapping[str, Any] | None = None,
+) -> None:
     """Write grids to a compressed .npz file: a few kilobytes for what is megabytes as .vdb.
 
     Parameters
     ----------
     path : path
         Replaced in one step; no suffix is added.
-    grids : SparseGrid or iterable of SparseGrid
-        In order.
+    grids : SparseGrid, iterable of SparseGrid, or KernelGrid
+        In order. Of a `KernelGrid` both grids and what `KernelGrid.read` needs, but for the planes of its domain,
+        which `KernelGrid.write` adds.
+    metadata : mapping of str to bool, int, float, str, list or mapping, optional
+        Metadata of the file.
 
     Raises
     ------
@@ -40,7 +49,7 @@ def write_npz(path: str | os.PathLike[str], grids: SparseGrid | Iterable[SparseG
     Notes
     -----
     Arrays are named ``0.tile_ijk``, ``0.leaf_mask``, ..., ``1.tile_ijk``; the entry ``header`` is JSON with
-    the format, its version (1), and each grid's name, class, background and metadata.
+    the format, its version (1), the metadata, and each grid's name, class, background and metadata.
 
     Examples
     --------
@@ -50,6 +59,9 @@ def write_npz(path: str | os.PathLike[str], grids: SparseGrid | Iterable[SparseG
     >>> read_npz(path)
     (SparseGrid('inside', 1 active voxel, 0 tiles, 1 leaf, mask),)
     """
+    about = dict(metadata or {})
+    if isinstance(grids, NamedGrids):
+        about, grids = {**grids.file_metadata(), **about}, grids.to_grids().values()
     listed = [grids] if isinstance(grids, SparseGrid) else list(grids)
     arrays: dict[str, NDArray[Any]] = {}
     described: list[dict[str, Any]] = []
@@ -67,7 +79,8 @@ def write_npz(path: str | os.PathLike[str], grids: SparseGrid | Iterable[SparseG
         for name in (*_ARRAYS, "origin", "linear", *(_INACTIVE if len(grid.inactive_log2) else ())):
             if (array := getattr(grid, name)) is not None:
                 arrays[f"{n}.{name}"] = array
-    arrays["header"] = np.array(json.dumps({"format": _FORMAT, "version": _VERSION, "grids": described}))
+    header = {"format": _FORMAT, "version": _VERSION, "metadata": about, "grids": described}
+    arrays["header"] = np.array(json.dumps(header))
     with whole_file(path) as file:
         np.savez_compressed(file, **cast(Any, arrays))
 
@@ -107,6 +120,11 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[SparseGrid, ...]:
     >>> read_npz(path)[0].values_at([[0, 0, 0]])
     array([0.5], dtype=float32)
     """
+    return read_npz_file(path)[0]
+
+
+def read_npz_file(path: str | os.PathLike[str]) -> tuple[tuple[SparseGrid, ...], dict[str, Any]]:
+    """Read the grids and the metadata of the file; see `read_npz`."""
     input_file(path, GridReadError)
     try:
         with NpzArrays(path) as arrays:
@@ -116,7 +134,11 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[SparseGrid, ...]:
                     f"{path}: `path` must be a {_FORMAT} file of version {_VERSION}; "
                     f"got {str(header['format'])[:40]!r} of version {header['version']!r:.40}"
                 )
-            return tuple(_grid_from(arrays, n, facts) for n, facts in enumerate(header["grids"]))
+            metadata = header.get("metadata", {})
+            if not isinstance(metadata, dict) or not is_shallow(metadata, 4):
+                raise ValueError("its metadata is not that of grids")
+            grids = tuple(_grid_from(arrays, n, facts) for n, facts in enumerate(header["grids"]))
+            return grids, cast("dict[str, Any]", metadata)
     except GridReadError:
         raise
     except (*DAMAGE, TypeError, AttributeError, IndexError) as error:

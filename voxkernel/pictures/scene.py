@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
+from voxkernel.exact import Kernel, KernelPolytope
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
@@ -140,12 +141,12 @@ def _is_long(ends: NDArray[np.int64], segments: NDArray[np.float64], least: floa
     return total[label[local[:, 0]]] >= least
 
 
-def _kernel_parts(kernel: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def _kernel_parts(kernel: Kernel | None) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     none = np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 2, 3))
     if kernel is None:
         return none
-    if not hasattr(kernel, "vertices"):  # a grid
-        if kernel.active_voxel_count == 0:
+    if not isinstance(kernel, KernelPolytope):
+        if not len(kernel.to_points()):
             return none
         mesh = kernel.to_mesh()
         return mesh.vertices, mesh.faces, none[2]

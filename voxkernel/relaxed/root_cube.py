@@ -40,10 +40,17 @@ def root_cube(
     voxel_size: float | None = None,
 ) -> tuple[RootCube, int]:
     """Place the root cube around points and choose its depth from whichever of the two is given."""
-    along = corners @ axes.T if len(corners) else np.zeros((1, 3))
+    # A base among the points is taken off before they are turned, so that what turning rounds is small beside the
+    # cube: a few units in the last place of its size, which 1e-9 of the edge covers. What is left is as large as the
+    # coordinates are far from 0, M: each coordinate of a corner that was rounded once, and of the lower corner below,
+    # is off by at most u M, the point by sqrt(3) u M along any axis, both together by less than 4 u M on each side.
+    points = corners if len(corners) else np.zeros((1, 3))
+    base = 0.5 * points.min(axis=0) + 0.5 * points.max(axis=0)
+    along = (points - base) @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
     middle = 0.5 * (low + high)
-    edge = float((high - low).max()) * (1 + 1e-9) or 1.0
+    extent = float((high - low).max())
+    edge = (extent * (1 + 1e-9) if extent else 1.0) + 8.0 * _UNIT * float(np.abs(points).max())
     if voxel_size is None:
         levels = DEFAULT_DEPTH if depth is None else as_depth("depth", depth, MIN_DEPTH, MAX_DEPTH)
     else:
@@ -52,7 +59,7 @@ def root_cube(
         if levels > MAX_DEPTH:
             raise ValueError(f"`voxel_size` must be at least {edge / 2**MAX_DEPTH:.6g} for this surface; got {size}")
         edge = size * 2**levels
-    return RootCube(read_only((middle - 0.5 * edge) @ axes), edge, axes), levels
+    return RootCube(read_only(base + (middle - 0.5 * edge) @ axes), edge, axes), levels
 
 
 def cube_planes(

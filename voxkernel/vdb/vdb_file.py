@@ -21,7 +21,7 @@ from voxkernel._frozen import Frozen
 from voxkernel._input_file import input_file
 from voxkernel._output_file import whole_file
 from voxkernel.errors import GridReadError
-from voxkernel.grid import SparseGrid
+from voxkernel.grid import NamedGrids, SparseGrid
 from voxkernel.grid.sparse_grid import GRID_CLASSES
 from voxkernel.vdb.file_format import (
     BLOSC,
@@ -338,7 +338,7 @@ def _grid_from(tree: Tree, frame: dict[str, Any]) -> SparseGrid:
 
 def write_vdb(
     path: str | os.PathLike[str],
-    grids: SparseGrid | Iterable[SparseGrid] | Mapping[str, SparseGrid],
+    grids: SparseGrid | Iterable[SparseGrid] | Mapping[str, SparseGrid] | NamedGrids,
     *,
     metadata: Mapping[str, Any] | None = None,
     value_type: ValueType | None = None,
@@ -350,8 +350,9 @@ def write_vdb(
     ----------
     path : path
         Written under a temporary name in the same folder, then renamed: never half a file.
-    grids : SparseGrid, iterable of SparseGrid, or mapping of name to SparseGrid
-        In order; the keys of a mapping replace the names of the grids.
+    grids : SparseGrid, iterable of SparseGrid, mapping of name to SparseGrid, or KernelGrid
+        In order; the keys of a mapping replace the names of the grids. A `KernelGrid` is written as "inside" and
+        "boundary" with the metadata that `KernelGrid.read` needs.
     metadata : mapping of str to bool, int, float, str or tuple, optional
         Metadata of the file. Tuples have 2 to 4 numbers (vec3i, vec3d, ...) or 16 (mat4d). Each grid's own
         `metadata` is written with the grid.
@@ -394,6 +395,8 @@ def write_vdb(
     as_choice("compression", compression, tuple(_FLAGS))
     if value_type is not None:
         as_choice("value_type", value_type, tuple(_TREE_NAMES))
+    if isinstance(grids, NamedGrids):
+        metadata, grids = {**grids.file_metadata(), **(metadata or {})}, grids.to_grids()
     named = _named(grids)
     header = [struct.pack("<qIII?", MAGIC, VERSION, 10, 0, True), b"", pack_metadata(metadata or {})]
     header.append(struct.pack("<i", len(named)))
