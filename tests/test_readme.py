@@ -35,7 +35,7 @@ def test_python_block_runs(code, tmp_path):
     assert lines[0].startswith("3 0.559")
     assert lines[1] == "True"
     assert lines[2].startswith("star-shaped 0.0989")
-    assert lines[3].endswith("[1]")
+    assert lines[3].endswith("[ True]")
 
 
 def test_commands_run(tmp_path, monkeypatch):
