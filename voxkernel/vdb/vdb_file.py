@@ -7,7 +7,7 @@ import os
 import struct
 import uuid
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -283,7 +283,7 @@ def _read_grid(
 
 
 @contextmanager
-def _damage(name: str) -> Iterator[None]:
+def _damage(name: str) -> Generator[None]:
     """What is wrong with the cells or the transform of a grid is the file's fault."""
     try:
         yield
