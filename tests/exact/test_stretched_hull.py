@@ -10,10 +10,11 @@ import shapes
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from voxkernel.exact import exact_kernel
+from voxkernel.exact.dual_hull import DualHull
 from voxkernel.exact.kernel_shape import rational_shape
 from voxkernel.exact.rational_clipping import clip_polyhedron
 from voxkernel.exact.rational_kernel import rational_moments
-from voxkernel.exact.stretched_hull import axes_of_corners
+from voxkernel.exact.stretched_hull import _misfit, axes_of_corners
 from voxkernel.halfspaces import HalfSpaces, find_feasibility
 from voxkernel.mesh import as_mesh
 
@@ -191,3 +192,17 @@ def test_slender_facets_blur_no_plane(slenderness, rng):
     point = oracle.point(kernel.deepest_point)
     depths = [float(-Fraction(sum(n * x for n, x in zip(p, point, strict=False)) - p[3])) / float(np.linalg.norm(np.array(p[:3], dtype=float))) for p in planes]  # fmt: skip # noqa: E501
     assert min(depths) == pytest.approx(kernel.clearance, rel=1e-12)
+
+
+def test_the_misfit_sees_planes_that_no_face_comes_from():
+    """A cube about the origin as read off its own six planes; a seventh, left out, would cut 0.1 off one corner."""
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    ring, rows = [], []
+    duals = np.concatenate([np.eye(3), -np.eye(3), [[1.1 / 3, 1.1 / 3, 1.1 / 3]]])
+    for row, dual in enumerate(duals[:6]):
+        on = np.flatnonzero(corners @ dual == 1.0)
+        ring += on.tolist()
+        rows.append(row)
+    found = DualHull(corners, np.arange(0, 25, 4), np.array(ring), np.array(rows), True)
+    assert _misfit(found, duals[:6], np.zeros(3)) < 1e-14
+    assert _misfit(found, duals, np.zeros(3)) == pytest.approx(0.1, rel=1e-12)
