@@ -12,7 +12,7 @@ from voxkernel.exact.domain_cut import is_bounded, is_cut
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, rational_shape, solid_shape
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
-from voxkernel.halfspaces.surface_arguments import EXACT, surface_argument
+from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_argument
 
 __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 
@@ -20,7 +20,7 @@ __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 _LEAST = 2.0**-1070
 
 
-def exact_kernel(surface: Any, *, facets: Any = None, domain: Any = None) -> KernelPolytope:
+def exact_kernel(surface: SurfaceLike, *, facets: Any = None, domain: Any = None) -> KernelPolytope:
     """Compute the kernel of a surface: the points from which the whole surface can be seen.
 
     The kernel is the intersection of the inner half-spaces of the facets [1]_. Whether it is empty, flat

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from voxkernel._checks import as_choice, as_facet_ids
 from voxkernel._frozen import Frozen
 from voxkernel.halfspaces.domain import Domain, as_domain, ball_domain, surface_frame
 from voxkernel.halfspaces.half_spaces import HalfSpaces
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 
 __all__ = [
     "DEFAULT_DOMAINS",
@@ -23,10 +23,12 @@ __all__ = [
     "DefaultDomain",
     "Frame",
     "SurfaceArgument",
+    "SurfaceLike",
     "surface_argument",
 ]
 
 Frame = Literal["world", "principal"]
+SurfaceLike: TypeAlias = MeshLike | HalfSpaces
 
 
 class DefaultDomain(NamedTuple):
@@ -112,7 +114,7 @@ class SurfaceArgument(Frozen):
         return self.axes("world" if self.mesh is None else "principal")
 
 
-def surface_argument(surface: Any, facets: Any = None) -> SurfaceArgument:
+def surface_argument(surface: SurfaceLike, facets: Any = None) -> SurfaceArgument:
     """Take half-spaces as they are, without a mesh; make them from anything `as_mesh` takes.
 
     `facets` are facets of a mesh, rows of half-spaces: ids in any order, or a mask; the order stays that of the input.

@@ -12,7 +12,7 @@ from voxkernel._checks import as_depth, as_each, as_share, read_only
 from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.halfspaces import Domain
-from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import MIN_DEPTH, root_cube
 from voxkernel.voxels.relaxed_octree import relaxed_cells_of
@@ -66,7 +66,7 @@ class DefectProfile(Frozen):
 
 
 def defect_profile(
-    surface: Any,
+    surface: SurfaceLike,
     *,
     tolerances: ArrayLike | None = None,
     depth: int = PROFILE_DEPTH,

@@ -17,7 +17,7 @@ from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceArgument, surface_argument
 from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
 from voxkernel.measures.visibility import VisibleFraction, visible_fraction
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.relaxed import StarCenter
 from voxkernel.relaxed.best_center import center_of_planes
 from voxkernel.relaxed.facet_weights import weigh
@@ -133,7 +133,7 @@ class Starshapeness(Frozen):
 
 
 def starshapeness(
-    surface: Any, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
+    surface: MeshLike, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
 ) -> Starshapeness:
     """Classify a surface as star-shaped or not and score it by its kernel's volume.
 

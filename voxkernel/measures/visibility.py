@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_depth, as_points, as_positive
 from voxkernel._core import faces_away
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import doubled_areas, triple_products
 from voxkernel.relaxed.facet_weights import UNITS, weigh
 from voxkernel.relaxed.violation import violated_units
@@ -78,7 +78,7 @@ class VisibleFraction:
 
 
 def visible_fraction(
-    surface: Any,
+    surface: MeshLike,
     point: ArrayLike,
     *,
     n_samples: int = 100_000,

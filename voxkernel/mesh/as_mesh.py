@@ -11,6 +11,7 @@ from voxkernel._checks import as_nonnegative, as_points
 from voxkernel._extras import optional
 from voxkernel.errors import MeshError
 from voxkernel.mesh.files import Polygons, merge_equal_corners, read_polygons
+from voxkernel.mesh.mesh_like import MeshLike
 from voxkernel.mesh.polygons import flatten_polygons
 from voxkernel.mesh.triangle_mesh import TriangleMesh
 
@@ -22,7 +23,7 @@ _ACCEPTED = (
 )
 
 
-def as_mesh(mesh: Any, *, facets: ArrayLike | None = None, planarity_rtol: float = 1e-9) -> TriangleMesh:
+def as_mesh(mesh: MeshLike, *, facets: ArrayLike | None = None, planarity_rtol: float = 1e-9) -> TriangleMesh:
     """Make a `TriangleMesh` of a file, of arrays, or of another library's mesh.
 
     Parameters
@@ -78,7 +79,7 @@ def as_mesh(mesh: Any, *, facets: ArrayLike | None = None, planarity_rtol: float
     return made if facets is None else made.restricted(facets)
 
 
-def _convert(mesh: Any, rtol: float) -> TriangleMesh:
+def _convert(mesh: MeshLike, rtol: float) -> TriangleMesh:
     """Recognise a type by the names in its class hierarchy: nothing is imported to find out."""
     if isinstance(mesh, str | os.PathLike):
         return _from_file(mesh, rtol)

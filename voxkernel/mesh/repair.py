@@ -15,6 +15,7 @@ from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.files import Polygons, merge_equal_corners
+from voxkernel.mesh.mesh_like import MeshLike
 from voxkernel.mesh.triangle_mesh import TriangleMesh
 from voxkernel.mesh.triangles import doubled_areas, scale_exponent, triple_products, used_vertices
 
@@ -72,7 +73,7 @@ class RepairResult(Frozen):
 
 
 def repair(
-    mesh: Any,
+    mesh: MeshLike,
     *,
     orient: bool = False,
     merge_duplicates: bool = False,

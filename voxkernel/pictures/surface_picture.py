@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from voxkernel._checks import as_path
-from voxkernel.mesh import as_mesh
+from voxkernel.mesh import MeshLike, as_mesh
 from voxkernel.pictures.interactive_html import Plate, write_html
 from voxkernel.pictures.parts import check_picture
 from voxkernel.pictures.png import write_png
@@ -19,7 +19,7 @@ __all__ = ["interactive_page", "sphere_picture", "surface_picture"]
 
 def surface_picture(
     path: str | os.PathLike[str],
-    surface: Any,
+    surface: MeshLike,
     kernel: Any,
     *,
     title: str = "",

@@ -1,5 +1,6 @@
 """Two surfaces in, the rigid motion between them out, with what was tried and whether to doubt it."""
 
+from voxkernel.registration.prepare import PreparedSurface, Samples
 from voxkernel.registration.register import (
     align_kernels,
     frame_candidates,
@@ -14,7 +15,9 @@ from voxkernel.registration.result import Candidate, Registration
 __all__ = [
     "Candidate",
     "PairRegistration",
+    "PreparedSurface",
     "Registration",
+    "Samples",
     "align_kernels",
     "frame_candidates",
     "prepare_surface",

@@ -12,7 +12,7 @@ from voxkernel._checks import as_depth, as_each, as_nonnegative, as_positive, re
 from voxkernel._open3d import open3d
 from voxkernel.exact import KernelPolytope
 from voxkernel.measures import KernelMoments, kernel_points
-from voxkernel.mesh import as_mesh
+from voxkernel.mesh import MeshLike, as_mesh
 from voxkernel.registration.icp import Refine, icp
 from voxkernel.registration.pair import SCORE_REACH, Solution, cropped_to_overlap, scaled, solve, to_local, to_world
 from voxkernel.registration.prepare import PreparedSurface, prepare
@@ -40,8 +40,8 @@ _REACH = 0.02  # default `max_distance`, of the larger diagonal
 
 
 def register(
-    source: Any,
-    target: Any,
+    source: MeshLike | PreparedSurface,
+    target: MeshLike | PreparedSurface,
     *,
     margins: Sequence[float] | None = None,
     refine: Refine = "point_to_plane",
@@ -125,7 +125,7 @@ def register(
     return _wrapped(one, two, found, flipped, near)
 
 
-def prepare_surface(surface: Any, *, margins: Sequence[float] | None = None) -> PreparedSurface:
+def prepare_surface(surface: MeshLike, *, margins: Sequence[float] | None = None) -> PreparedSurface:
     """Do once what registration needs of a surface: samples, normals and relaxed kernels.
 
     Parameters
@@ -165,7 +165,9 @@ def frame_candidates(source: KernelMoments, target: KernelMoments) -> NDArray[np
     return frame_transforms(source, target)
 
 
-def score_alignment(source: Any, target: Any, T_target_source: ArrayLike) -> float:
+def score_alignment(
+    source: MeshLike | PreparedSurface, target: MeshLike | PreparedSurface, T_target_source: ArrayLike
+) -> float:
     """Score how well a motion lays one surface on another.
 
     Parameters
@@ -194,8 +196,8 @@ def score_alignment(source: Any, target: Any, T_target_source: ArrayLike) -> flo
 
 
 def refine_alignment(
-    source: Any,
-    target: Any,
+    source: MeshLike | PreparedSurface,
+    target: MeshLike | PreparedSurface,
     T_target_source: ArrayLike,
     *,
     method: Literal["point_to_plane", "point_to_point"] = "point_to_plane",
@@ -304,7 +306,7 @@ def as_margins(margins: Any) -> tuple[float, ...]:
     return _MARGINS if margins is None else tuple(sorted(set(as_each("margins", margins, as_nonnegative))))
 
 
-def _prepared(name: str, surface: Any, margins: tuple[float, ...]) -> PreparedSurface:
+def _prepared(name: str, surface: MeshLike | PreparedSurface, margins: tuple[float, ...]) -> PreparedSurface:
     if not isinstance(surface, PreparedSurface):
         return prepare(as_mesh(surface), margins)
     if margins and surface.margins != margins:

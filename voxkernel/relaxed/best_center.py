@@ -15,7 +15,7 @@ from voxkernel._plain import plain
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
-from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
 from voxkernel.relaxed.violation import Weights, violated_units
@@ -79,7 +79,7 @@ class StarCenter(Frozen):
 
 
 def best_center(
-    surface: Any,
+    surface: SurfaceLike,
     *,
     gap: float | None = None,
     relative_gap: float | None = None,

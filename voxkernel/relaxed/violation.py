@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_depth, as_points
 from voxkernel._core import StopFlag, violated_weights
 from voxkernel._threads import run_parts
-from voxkernel.halfspaces.surface_arguments import surface_argument
+from voxkernel.halfspaces.surface_arguments import SurfaceLike, surface_argument
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 
 __all__ = ["Weights", "violated_units", "violation"]
@@ -22,7 +22,7 @@ Weights = Literal["area", "count"] | ArrayLike
 
 
 def violation(
-    surface: Any, points: ArrayLike, *, weights: Weights = "area", facets: Any = None, threads: int = 1
+    surface: SurfaceLike, points: ArrayLike, *, weights: Weights = "area", facets: Any = None, threads: int = 1
 ) -> NDArray[np.float64]:
     """Compute the share of a surface that points do not face.
 

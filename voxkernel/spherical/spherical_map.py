@@ -17,7 +17,7 @@ from voxkernel.exact import KernelPolytope, kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
 from voxkernel.halfspaces.surface_arguments import EXACT, surface_argument
-from voxkernel.mesh import TriangleMesh, as_mesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.relaxed import best_center
 from voxkernel.spherical.boundary_angle import Boundary, agrees_with_boundary, facet_sides, solid_angles
 from voxkernel.spherical.coverage import CoverageCertificate, coverage_optimum, distortion_optimum
@@ -227,7 +227,7 @@ class SphericalMap(Frozen):
 
 
 def spherical_map(
-    surface: Any,
+    surface: MeshLike,
     *,
     center: Center = "coverage",
     clearance: float = 0.0,

@@ -7,7 +7,7 @@ from typing import Any
 from voxkernel._checks import as_depth, as_nonnegative, as_share
 from voxkernel._core import violation_cells
 from voxkernel.grid import SparseGrid
-from voxkernel.halfspaces.surface_arguments import Frame, surface_argument
+from voxkernel.halfspaces.surface_arguments import Frame, SurfaceLike, surface_argument
 from voxkernel.relaxed.best_center import GAP, center_of_planes
 from voxkernel.relaxed.facet_weights import UNITS, weigh
 from voxkernel.relaxed.root_cube import MIN_DEPTH, cube_arrays, root_cube
@@ -18,7 +18,7 @@ _MARGIN = 0.1
 
 
 def violation_grid(
-    surface: Any,
+    surface: SurfaceLike,
     *,
     depth: int = 6,
     tolerance: float | None = None,

@@ -11,7 +11,7 @@ from voxkernel._checks import as_depth, as_nonnegative, as_share
 from voxkernel._core import exact_cells
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
-from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, surface_argument
+from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.root_cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
 from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, as_step, relaxed_kernels, still_apart, wrapped
@@ -20,7 +20,7 @@ __all__ = ["voxel_kernel"]
 
 
 def voxel_kernel(
-    surface: Any,
+    surface: SurfaceLike,
     *,
     depth: int | None = None,
     voxel_size: float | None = None,

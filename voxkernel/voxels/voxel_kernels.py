@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_depth, as_each, as_nonnegative, as_positive, as_share
 from voxkernel.grid import SparseGrid
 from voxkernel.halfspaces import Domain, find_feasibility
-from voxkernel.halfspaces.surface_arguments import Frame, SurfaceArgument, surface_argument
+from voxkernel.halfspaces.surface_arguments import Frame, SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.best_center import GAP, center_of_planes
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import MIN_DEPTH, RootCube, root_cube
@@ -27,7 +27,7 @@ Step = tuple[int | None, float | None, float | None]
 
 
 def voxel_kernels(
-    surface: Any,
+    surface: SurfaceLike,
     *,
     tolerances: Sequence[float] | NDArray[np.float64] | None = None,
     margins: Sequence[float] | NDArray[np.float64] | None = None,
