@@ -520,7 +520,7 @@ def test_the_grid_imports_numpy_only_and_no_geometry():
             if isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= {"numpy"}
             elif isinstance(node, ast.ImportFrom):
-                allowed = ("__future__", "numpy", "voxkernel", "collections.abc", "dataclasses", "typing")
+                allowed = ("__future__", "numpy", "voxkernel", "collections.abc", "dataclasses", "types", "typing")
                 assert node.module.startswith(allowed), node.module
                 if node.module == "voxkernel._core":
                     assert {a.name.rpartition("_in_")[0] for a in node.names} == {"voxels", "points"}

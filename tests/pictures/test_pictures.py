@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapes
 
-from voxkernel import as_mesh, exact_kernel, voxel_kernel
+from voxkernel import HalfSpaces, as_mesh, exact_kernel, voxel_kernel
 from voxkernel.demo_shapes import SHAPES
 from voxkernel.pictures import interactive_page, surface_picture
 from voxkernel.pictures.scene import caption_of, make_scene
@@ -61,10 +61,11 @@ def test_kernels_without_volume_are_drawn(tmp_path, name):
 
 
 def test_point_kernel_is_drawn(tmp_path):
-    class Point:
-        dimension, vertices, faces, volume = 0, np.array([[0.5, 0.5, 0.5]]), (), 0.0
-
-    assert orange(draw(tmp_path, shapes.cube(), Point())) > 30
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    point = exact_kernel(HalfSpaces.from_planes(normals, 0.5 * normals.sum(axis=1)))
+    assert point.dimension == 0
+    assert point.vertices.tolist() == [[0.5, 0.5, 0.5]]
+    assert orange(draw(tmp_path, shapes.cube(), point)) > 30
 
 
 def test_empty_kernel_shows_its_witness(tmp_path):
