@@ -525,4 +525,4 @@ def test_the_grid_imports_numpy_only_and_no_geometry():
                 if node.module == "voxkernel._core":
                     assert {a.name.rpartition("_in_")[0] for a in node.names} == {"voxels", "points"}
                 elif node.module.startswith("voxkernel."):
-                    assert node.module.split(".")[1] in {"_checks", "grid"}
+                    assert node.module.split(".")[1] in {"_checks", "_frozen", "grid"}
