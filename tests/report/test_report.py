@@ -346,6 +346,13 @@ def test_profile_bands_are_in_order(run, rng, tmp_path):
     assert "1 rows with other tolerances" in Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
 
 
+def test_profiles_only_where_there_is_no_label(run, rng, tmp_path):
+    rows = [surface_row(f"{i}.ply", rng) for i in range(5)]
+    write_run(run, [*rows, surface_row("a.ply", rng, "a", profile_tolerances=None, profile_shares=None)])
+    profile = write_report(tmp_path / "r.html", run)["profile"]
+    assert [(group["label"], group["n"]) for group in profile["groups"]] == [("", 5)]
+
+
 # ---------------------------------------------------------------- names are data
 
 

@@ -119,9 +119,11 @@ def _profile(rows: ReportRows) -> dict[str, Any] | None:
         return None
     usual, n = Counter(t for t, _ in known.values()).most_common(1)[0]
     groups: list[dict[str, Any]] = []
-    labels = labels_of(rows)
+    # A run with labels may have none where there is a profile: those rows are one group then.
+    named = {i: rows.texts["label"][i] for i, (t, _) in known.items() if t == usual}
+    labels = [label for label in labels_of(rows) if label in named.values()]
     for label in labels or [""]:
-        own = [s for i, (t, s) in known.items() if t == usual and (not labels or rows.texts["label"][i] == label)]
+        own = [known[i][1] for i, name in named.items() if not labels or name == label]
         if own:
             bands = np.quantile(np.array(own, dtype=np.float64), list(_BAND), axis=0)
             groups.append({
