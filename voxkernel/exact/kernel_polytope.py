@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_points
 from voxkernel._frozen import Frozen
+from voxkernel._plain import json_text
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate
 from voxkernel.exact.membership import points_inside
@@ -185,7 +185,7 @@ class KernelPolytope(Frozen):
         if target.suffix.lower() == ".ply":
             write_polygon_ply(target, self.vertices, self.faces, self.face_facets)
         elif target.suffix.lower() == ".json":
-            target.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            target.write_text(json_text(self.to_dict(), indent=2) + "\n", encoding="utf-8")
         else:
             raise ValueError(f"`path` must end in .ply or .json for a polytope; got {os.fspath(path)!r}")
 
