@@ -18,7 +18,7 @@ from voxkernel._plain import json_text
 
 __all__ = [
     "COLUMNS", "csv_line", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows",
-    "read_settings", "remove_parts", "remove_unfinished", "row_key", "schema", "to_table", "write_bytes", "write_csv",
+    "read_settings", "remove_parts", "remove_unfinished", "schema", "to_table", "write_bytes", "write_csv",
     "write_part", "write_settings", "write_table_part",
 ]  # fmt: skip
 
@@ -86,12 +86,6 @@ def open_run(run: str) -> tuple[Any, str]:
     except ImportError as error:
         raise ValueError(f"'{run}' cannot be opened: {error}") from error
     return fs, str(path).rstrip("/") or "/"
-
-
-def row_key(row: Mapping[str, Any]) -> tuple[str, int]:
-    """What makes a row the same row: its file, and its cell (-1 for a surface)."""
-    cell = row.get("cell")
-    return str(row["file"]), -1 if cell is None else int(cell)
 
 
 def write_bytes(fs: Any, path: str, data: bytes) -> None:
