@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 import voxkernel
-from voxkernel.exact.stretched_hull import axes_of_cloud, stretched_polyhedron
 from voxkernel.halfspaces import HalfSpaces, find_feasibility
 
 
@@ -208,16 +207,6 @@ def test_thin_kernels_with_many_faces(thickness):
     assert kernel.volume_bounds[1] >= known * thickness * (1 - 1e-12)
 
 
-def test_stretching_changes_nothing_where_it_is_not_needed():
-    planes = HalfSpaces.from_planes(*(lambda n: (n, np.ones(len(n))))(tangent_planes(60, np.ones(3), np.eye(3))[1]))
-    plain = voxkernel.exact_kernel(planes)
-    axes = axes_of_cloud(planes, planes.to_local(plain.vertices))
-    stretched = stretched_polyhedron(planes, planes.to_lattice(np.zeros(3)), axes)
-    found = planes.to_world(stretched.solid.center + stretched.solid.vertices)
-    assert np.allclose(np.sort(found.round(9), axis=0), np.sort(plain.vertices.round(9), axis=0))
-    assert stretched.misfit < 1e-12
-
-
 @pytest.mark.parametrize("size", [1e-4, 1e-8])
 def test_small_kernel_of_a_large_surface(size):
     """Planes that touch a small ball far from the origin, as exact doubles."""
@@ -254,14 +243,17 @@ def test_degenerate_dual_hulls_stay_whole(seed):
     """A smooth regular face: many dual points nearly coplanar, triangles of the hull without area."""
     from voxkernel.demo_shapes import face
     from voxkernel.exact.dual_hull import polyhedron_around, relevant_rows
+    from voxkernel.exact.inner_point import inner_point
 
     mesh = face()
     rotation = Rotation.random(random_state=seed).as_matrix() if seed else np.eye(3)
     planes = HalfSpaces.from_mesh(voxkernel.as_mesh((mesh.vertices @ rotation.T, mesh.faces)))
     planes = planes.with_planes(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 9.0))
     inside = find_feasibility(planes)
-    rows = relevant_rows(planes, inside.local_point, inside.working_set)
-    assert polyhedron_around(planes.select(rows), inside.local_point) is not None
+    point = inner_point(planes, inside)
+    solid = polyhedron_around(planes, point, relevant_rows(planes, point, inside.working_set))
+    edges = len(solid.ring) // 2
+    assert len(solid.vertices) - edges + len(solid.rows) == 2
 
 
 def test_result_is_frozen_and_plain():

@@ -9,6 +9,7 @@ namespace voxkernel {
 
 void bind_cells(nb::module_& m);
 void bind_convexity(nb::module_& m);
+void bind_dual_hull(nb::module_& m);
 void bind_feasibility(nb::module_& m);
 void bind_grid_query(nb::module_& m);
 void bind_linear_program(nb::module_& m);
@@ -34,6 +35,7 @@ NB_MODULE(_core, m) {
       .def("set", [](StopFlag& flag) { flag.is_set.store(true); }, "Ask them to stop.");
   bind_cells(m);
   bind_convexity(m);
+  bind_dual_hull(m);
   bind_feasibility(m);
   bind_grid_query(m);
   bind_linear_program(m);

@@ -1,57 +1,48 @@
-"""Solid kernels in floating point: cull, take the dual hull once, read off faces and moments."""
+"""Solid kernels: cull, take the dual hull, exact to the last face; read off moments."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from threading import Thread
-from typing import Any
+from math import frexp
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import (
-    N_BINS,
-    clipped_polyhedron,
-    consistent_turns,
-    dual_faces,
-    moments,
-    planes_reaching,
-    solid_angle,
-    tightest_by_direction,
-)
+from voxkernel._core import N_BINS, dual_hull, moments, planes_reaching, solid_angle, tightest_by_direction
 from voxkernel._frozen import Frozen
+from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
+from voxkernel.exact.inner_point import InnerPoint
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.mesh.triangles import doubled_normals
 
 __all__ = [
-    "DualHull",
     "Polyhedron",
     "Reach",
     "convex_surface",
     "polyhedron_around",
     "polyhedron_moments",
-    "polyhedron_of_duals",
     "reach_of",
     "relevant_rows",
 ]
 
 _CULL_ABOVE = 3000
-_FEW = 256
-_LONG_HULL = 20_000
-_FIRST_BOX = 4.0
-_LAST_BOX = 2.0**28
+# Half edges of the cube that closes what is open, as powers of two of the local unit. The last one is beyond every
+# corner of planes whose coordinates have 2000 bits.
+_CUBES = (3, 28, 300, 20_000)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Polyhedron(Frozen):
     """A bounded convex polyhedron: vertices relative to `center`, rings of vertex ids, row of each ring.
 
-    `center` and `vertices` are in local coordinates; `start` and `ring` list the polygons.
+    `center` and `vertices` are in local coordinates, the latter off by at most `error`; the planes of the three
+    `vertex_rows` of a vertex meet there in one point. `start` and `ring` list the polygons.
     """
 
     center: NDArray[np.float64]
     vertices: NDArray[np.float64]
+    vertex_rows: NDArray[np.int64]
+    error: float
     start: NDArray[np.int64]
     ring: NDArray[np.int64]
     rows: NDArray[np.int64]
@@ -65,110 +56,28 @@ class Polyhedron(Frozen):
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
 
-def polyhedron_around(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
-    """Intersect half-spaces about a local point strictly inside them.
-
-    Returns None where Qhull gives up or the polyhedron is unbounded.
+def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.int64]) -> Polyhedron | None:
+    """Intersect some of the half-spaces about a point strictly inside them; None where that is unbounded.
 
     Notes
     -----
-    A few half-spaces cut a cube, one after the other. For many, the hull of the dual points n / (d - n . x) is
-    computed once (Qhull, through SciPy); a triangle of it is a vertex, a point of it a face. A cube far
-    away closes what is open.
+    The convex hull of the dual points n / (d - n . x): a plane of it is a vertex, a point of it a face. Which planes
+    meet where is decided exactly. A cube far away closes what is open.
     """
-    normals = planes.local_normals
-    slacks = planes.local_offsets - normals @ point
-    if slacks.min() <= 0.0:
-        return None
-    if len(slacks) <= _FEW:
-        vertices, start, ring, rows, is_closed, is_sound = clipped_polyhedron(normals, slacks, 2 * _FIRST_BOX)
-        if is_closed and is_sound:
-            return Polyhedron(point.copy(), vertices, start, ring, rows)
-    duals = normals / slacks[:, None]
-    box = _FIRST_BOX
-    while box <= _LAST_BOX:
-        found = polyhedron_of_duals(duals, _CUBE / (2 * box - _CUBE @ point)[:, None])
-        if found is None:
-            return None
-        if found.is_closed:
-            return Polyhedron(point.copy(), found.vertices, found.start, found.ring, found.rows)
-        box *= 256.0
+    exponent = frexp(planes.scale)[1] - 1
+    for cube in _CUBES:
+        is_inside, is_closed, vertices, vertex_rows, error, start, ring, faces, _ = dual_hull(
+            planes.local_normals, planes.local_offsets, planes.local_errors, point.local, point.error, planes.scale,
+            planes.vertices, planes.corner_ids(), planes.given_planes(), point.terms, rows, exponent + cube,
+        )  # fmt: skip
+        if not is_inside:
+            raise SolverError("the inner point lies on a half-space or outside")
+        if is_closed:
+            return Polyhedron(point.local, vertices, vertex_rows, error, start, ring, faces)
     return None
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class DualHull(Frozen):
-    """What the hull of dual points says of a polyhedron about the origin; not closed where the closing shows."""
-
-    vertices: NDArray[np.float64]
-    start: NDArray[np.int64]
-    ring: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    is_closed: bool
-
-
-def polyhedron_of_duals(duals: NDArray[np.float64], closing: NDArray[np.float64]) -> DualHull | None:
-    """Read the polyhedron { y : duals . y <= 1, closing . y <= 1 } off one convex hull; None where Qhull gives up."""
-    points = np.concatenate([duals, closing])
-    hull = _convex_hull(points)
-    if hull is None:
-        return None
-    equations = hull.equations
-    if equations[:, 3].max() >= 0.0:
-        return None
-    if (hull.simplices >= len(duals)).any():
-        nothing = np.empty(0, np.int64)
-        return DualHull(np.empty((0, 3)), nothing, nothing, nothing, False)
-    # Triangles of one hull facet share their equation bit for bit: one vertex.
-    order = np.lexsort(equations.T)
-    ordered = equations[order]
-    fresh = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    vertex_ids = np.empty(len(order), np.int64)
-    vertex_ids[order] = np.cumsum(fresh) - 1
-    unique = ordered[fresh]
-    side = np.einsum("ij,ij->i", doubled_normals(points[hull.simplices]), equations[:, :3])
-    largest = int(np.abs(side).argmax())
-    simplices = hull.simplices.astype(np.int64)
-    alike, is_connected = consistent_turns(simplices, hull.neighbors.astype(np.int64), largest)
-    outward = alike.view(np.bool_) if side[largest] > 0 else ~alike.view(np.bool_)
-    start, ring, is_whole = dual_faces(simplices, outward, vertex_ids, len(duals))
-    if not (is_connected and is_whole):
-        return None
-    rows = np.flatnonzero(np.diff(start))
-    compact = np.concatenate([start[rows], start[-1:]])
-    return DualHull(-unique[:, :3] / unique[:, 3:4], compact, ring, rows, True)
-
-
-def _convex_hull(points: NDArray[np.float64]) -> Any:
-    """Call Qhull; None where it gives up.
-
-    Qhull cannot be interrupted, and Python hears signals only between its own steps: a long call runs
-    beside the thread that waits for it, and is left alone when that one is interrupted.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    def call() -> None:
-        try:
-            answer.append(ConvexHull(points))
-        except QhullError:
-            answer.append(None)
-        except BaseException as error:
-            answer.append(error)
-
-    answer: list[Any] = []
-    if len(points) < _LONG_HULL:
-        call()
-    else:
-        worker = Thread(target=call, daemon=True)
-        worker.start()
-        while worker.is_alive():
-            worker.join(0.05)
-    if isinstance(answer[0], BaseException):
-        raise answer[0]
-    return answer[0]
-
-
-def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron | None:
+def convex_surface(planes: HalfSpaces, point: InnerPoint) -> Polyhedron | None:
     """Take a strictly convex closed triangle surface as its own kernel, decided exactly; None for any other.
 
     All edges strictly convex and the solid angle of one turn around `point` make it convex; then
@@ -182,17 +91,24 @@ def convex_surface(planes: HalfSpaces, point: NDArray[np.float64]) -> Polyhedron
     used = np.zeros(len(planes.vertices), np.bool_)
     used[faces.ravel()] = True
     number = np.cumsum(used) - 1
-    vertices = planes.to_local(planes.vertices[used]) - point
+    vertices = planes.to_local(planes.vertices[used]) - point.local
     start, ring = np.arange(0, 3 * len(faces) + 1, 3), number[faces.ravel()]
     if abs(solid_angle(vertices, ring) / (4 * np.pi) - 1.0) > 0.25:
         return None
-    return Polyhedron(point.copy(), vertices, start, ring, np.arange(len(faces)))
+    return Polyhedron(
+        point.local, vertices, _three_faces(ring, len(vertices)), 2.0**-50, start, ring, np.arange(len(faces))
+    )
 
 
-_CUBE = np.concatenate([np.eye(3), -np.eye(3)])
+def _three_faces(ring: NDArray[np.int64], n_vertices: int) -> NDArray[np.int64]:
+    """The first, a middle and the last triangle at every vertex: of a strictly convex surface, no two in one plane."""
+    order = np.argsort(ring, kind="stable")
+    counts = np.bincount(ring, minlength=n_vertices)
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    return np.stack([order[first], order[first + counts // 2], order[first + counts - 1]], axis=1) // 3
 
 
-def relevant_rows(planes: HalfSpaces, point: NDArray[np.float64], working_set: NDArray[np.int64]) -> NDArray[np.int64]:
+def relevant_rows(planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np.int64]) -> NDArray[np.int64]:
     """List the half-spaces that may bound the kernel around a point inside it.
 
     The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane that
@@ -203,12 +119,11 @@ def relevant_rows(planes: HalfSpaces, point: NDArray[np.float64], working_set: N
         return np.arange(n)
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-    tightest_by_direction(*arrays, point, np.inf, ids, slacks)
-    tight = np.union1d(ids[ids >= 0], working_set)
-    outer = polyhedron_around(planes.select(tight), point)
+    tightest_by_direction(*arrays, point.local, np.inf, ids, slacks)
+    outer = polyhedron_around(planes, point, np.union1d(ids[ids >= 0], working_set))
     if outer is None:
         return np.arange(n)
-    return np.union1d(reach_of(planes, outer, margin=1e-9 * outer.extent).rows, tight[outer.rows])
+    return np.union1d(reach_of(planes, outer, margin=1e-9 * outer.extent + outer.error).rows, outer.rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -10,7 +10,7 @@ from voxkernel._checks import read_only
 from voxkernel.exact.certificate import certify, certify_unclipped
 from voxkernel.exact.domain_cut import is_bounded, is_cut
 from voxkernel.exact.kernel_polytope import KernelPolytope
-from voxkernel.exact.kernel_shape import Shape, rational_shape, solid_shape
+from voxkernel.exact.kernel_shape import Shape, flat_shape, solid_shape
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_argument
 
@@ -51,8 +51,10 @@ def exact_kernel(surface: SurfaceLike, *, facets: Any = None, domain: Any = None
     Notes
     -----
     One pass over the facets builds the planes, two or three find a deep point or a witness of at most
-    four facets that none exists, two drop planes that cannot matter; the rest goes to Qhull once.
-    Kernels too thin for floating point are cut out in rational arithmetic.
+    four facets that none exists, two drop planes that cannot matter. Of the rest the convex hull of the dual points
+    is taken: which planes meet where is decided by the sign of a determinant of the planes, in floating point where a
+    bound on its error allows, else in integers made from the doubles given. So faces and vertices are exact; their
+    coordinates are rounded.
 
     References
     ----------
@@ -90,9 +92,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
             unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
             **clip,
         )
-    shape = solid_shape(planes, inside) if inside.dimension == 3 else None
-    if shape is None:
-        shape = rational_shape(planes, inside)
+    shape = solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices)
@@ -105,6 +105,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
         face_starts=read_only(shape.face_starts),
         face_vertices=read_only(shape.face_vertices),
         face_facets=read_only(planes.facet_ids[shape.rows]),
+        vertex_rows=read_only(shape.vertex_rows),
         volume=volume,
         area=shape.area * scale**2,
         centroid=read_only(planes.to_world(shape.centroid)),
@@ -117,6 +118,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
         unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
         max_residual=shape.residual * scale,
         volume_bounds=_volume_bounds(shape, scale) if inside.dimension == 3 else (0.0, 0.0),
+        _flat_vertices=tuple(shape.corners),
         **clip,
     )
 
@@ -138,6 +140,7 @@ def _empty_kernel(**facts: Any) -> KernelPolytope:
         face_starts=read_only(np.zeros(1, np.int64)),
         face_vertices=read_only(np.empty(0, np.int64)),
         face_facets=read_only(np.empty(0, np.int64)),
+        vertex_rows=read_only(np.empty((0, 3), np.int64)),
         volume=0.0,
         area=0.0,
         centroid=nowhere,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from voxkernel._plain import json_text
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate
 from voxkernel.exact.membership import points_inside
+from voxkernel.exact.meeting_points import RationalPoint, meeting_points
 from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.halfspaces import Domain
 from voxkernel.mesh import TriangleMesh
@@ -39,6 +41,9 @@ class KernelPolytope(Frozen):
         seen from outside. A flat kernel has one polygon; a segment and a point have none.
     face_facets : (f,) int64
         The input facet that made each face; -1 - j for plane j of the domain.
+    vertex_rows : (k, 3) int64
+        Rows of `certificate.halfspaces`: three planes that meet in each vertex and nowhere else; (0, 3) for a flat
+        kernel, whose vertices are known otherwise.
     volume, area : float
         Mesh units cubed and squared; the area of a flat kernel is that of its polygon.
     centroid : (3,) float64
@@ -74,6 +79,7 @@ class KernelPolytope(Frozen):
     face_starts: NDArray[np.int64]
     face_vertices: NDArray[np.int64]
     face_facets: NDArray[np.int64]
+    vertex_rows: NDArray[np.int64]
     volume: float
     area: float
     centroid: NDArray[np.float64]
@@ -89,6 +95,7 @@ class KernelPolytope(Frozen):
     unclipped_certificate: Certificate
     max_residual: float
     volume_bounds: tuple[float, float]
+    _flat_vertices: tuple[RationalPoint, ...] = ()
 
     def __repr__(self) -> str:
         """Name dimension, size and volume."""
@@ -143,6 +150,25 @@ class KernelPolytope(Frozen):
         """Give 1 for points (n, 3) in the kernel and -1 for those outside; none is undecided (0)."""
         return np.where(self.contains(points), 1, -1).astype(np.int8)
 
+    def exact_vertices(self) -> list[tuple[Fraction, Fraction, Fraction]]:
+        """Give the corners as fractions, exact for the doubles given, in the order of `vertices`.
+
+        Returns
+        -------
+        list of 3-tuples of Fraction
+            World coordinates; empty for an empty kernel.
+
+        Examples
+        --------
+        >>> import voxkernel
+        >>> tetrahedron = ([[0, 0, 0], [3, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> max(voxkernel.exact_kernel(tetrahedron).exact_vertices())
+        (Fraction(3, 1), Fraction(0, 1), Fraction(0, 1))
+        """
+        planes = self.certificate.halfspaces
+        found = self._flat_vertices if self.dimension < 3 else meeting_points(planes, self.vertex_rows)
+        return [planes.lattice_to_world(p) for p in found]
+
     def to_points(self) -> NDArray[np.float64]:
         """Give the corners, (k, 3): `vertices`."""
         return self.vertices
@@ -196,6 +222,7 @@ class KernelPolytope(Frozen):
             "vertices": self.vertices.tolist(),
             "faces": [f.tolist() for f in self.faces],
             "face_facets": self.face_facets.tolist(),
+            "vertex_rows": self.vertex_rows.tolist(),
             "volume": self.volume,
             "volume_bounds": list(self.volume_bounds),
             "area": self.area,

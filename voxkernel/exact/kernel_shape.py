@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import pairwise
 from math import isqrt, lcm
 
 import numpy as np
@@ -20,30 +21,28 @@ from voxkernel.exact.dual_hull import (
     reach_of,
     relevant_rows,
 )
-from voxkernel.exact.rational_kernel import RationalPoint, rational_kernel, rational_moments, rough_corners
-from voxkernel.exact.stretched_hull import Stretched, axes_of_cloud, axes_of_corners, stretched_polyhedron
+from voxkernel.exact.inner_point import InnerPoint, inner_point
+from voxkernel.exact.meeting_points import RationalPoint, meeting_points
+from voxkernel.exact.rational_kernel import rational_kernel, rational_moments
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.rational_program import deepest_rational_point
 
-__all__ = ["Shape", "rational_shape", "solid_shape"]
+__all__ = ["Shape", "flat_shape", "solid_shape"]
 
 _UNIT = 2.0**-53
-# Below this share of depth to size, and below this size, floating point alone loses digits.
+# Below this share of depth to size moments are summed exactly.
 _THIN = 1e-4
-_SMALL = 1e-3
-# Above this depth, in local units, floating point still knows in which directions a kernel is thin.
-_RESOLVED = 1e-13
-# Rounding, as a share of the volume or of the depth, above which exact planes are used instead.
+# Rounding, as a share of the volume, above which they are too.
 _ROUNDING = 1e-8
-# So few half-spaces are cut exactly, in rationals; more where floating point cannot tell the directions.
-_FEW, _FEW_UNRESOLVED = 24, 64
+# So many half-spaces enter the exact linear program at first.
+_FEW = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Shape(Frozen):
-    """A convex polytope; `rows` are the half-spaces of its faces, `corners` its vertices where known exactly.
+    """A convex polytope; `rows` are the half-spaces of its faces.
 
-    `residual` is how far a rounded vertex lies outside a half-space, `rounding` a bound on the
+    The planes of the three `vertex_rows` meet in a vertex; without them `corners` are the vertices, exactly. `residual` is how far a rounded vertex lies outside a half-space, `rounding` a bound on the
     relative error of the volume.
     """
 
@@ -51,6 +50,7 @@ class Shape(Frozen):
     face_starts: NDArray[np.int64]
     face_vertices: NDArray[np.int64]
     rows: NDArray[np.int64]
+    vertex_rows: NDArray[np.int64]
     volume: float
     area: float
     centroid: NDArray[np.float64]
@@ -66,62 +66,42 @@ class Shape(Frozen):
 
 
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
-    """Find corners and faces in floating point; None where rationals must do it.
+    """Find corners and faces of a solid, exactly; None where it is unbounded.
 
     Rows that seem not to matter are left out, and the corners found are held against all half-spaces:
     whoever objects is put back, until nobody does.
     """
-    point = inside.local_point
-    if point is None or inside.point is None:
-        return None
-    rows = relevant_rows(planes, point, inside.working_set) if inside.clearance > 0.0 else np.arange(len(planes))
-    if inside.clearance > 0.0 and 2 * len(rows) > len(planes):
+    point = inner_point(planes, inside)
+    rows = relevant_rows(planes, point, inside.working_set)
+    if 2 * len(rows) > len(planes):
         convex = convex_surface(planes, point)
         if convex is not None:
             shape = _float_shape(planes, convex, reach_of(planes, convex), inside)
             if _is_accurate(shape, convex):
                 return shape
     while True:
-        shape, near = _shape_of_rows(planes, rows, inside)
-        if len(rows) == len(planes):
-            return shape
-        missing = np.setdiff1d(near, rows)
-        if not len(missing):
-            return shape
-        rows = np.union1d(rows, missing)
-
-
-def _shape_of_rows(
-    planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility
-) -> tuple[Shape | None, NDArray[np.int64]]:
-    """Find the shape that some of the half-spaces make, and the half-spaces of all that are not clear of it."""
-    assert inside.local_point is not None
-    assert inside.point is not None
-    near = planes if len(rows) == len(planes) else planes.select(rows)
-    heads = np.flatnonzero(near.coplanar_groups() == np.arange(len(near)))
-    if len(heads) < len(near):
-        near = near.select(heads)
-    axes = None
-    solid = polyhedron_around(near, inside.local_point) if inside.clearance > 0.0 else None
-    if solid is not None:
-        solid = replace(solid, rows=rows[heads[solid.rows]])
-        reach = reach_of(planes, solid)
+        solid = polyhedron_around(planes, point, _heads(planes, rows))
+        if solid is None:
+            if len(rows) == len(planes):
+                return None
+            rows = np.arange(len(planes))
+            continue
+        reach = reach_of(planes, solid, margin=solid.error)
+        if len(rows) < len(planes):
+            is_known = np.zeros(len(planes), np.bool_)
+            is_known[rows] = True
+            missing = reach.rows[~is_known[reach.rows]]
+            if len(missing):
+                rows = np.union1d(rows, missing)
+                continue
         shape = _float_shape(planes, solid, reach, inside)
-        if _is_accurate(shape, solid) and solid.extent >= _SMALL:
-            return shape, reach.rows
-        if shape.clearance >= _RESOLVED * max(1.0, solid.extent):
-            axes = axes_of_cloud(near, solid.vertices)
-    if len(near) <= (_FEW if axes is not None else _FEW_UNRESOLVED):
-        return rational_shape(planes, replace(inside, working_set=rows[heads])), rows
-    if axes is None:
-        rough = rough_corners(near, replace(inside, working_set=np.arange(len(near))))
-        axes = None if rough is None else axes_of_corners(rough)
-    stretched = None if axes is None else stretched_polyhedron(near, inside.point, axes)
-    if stretched is None:
-        return None, rows
-    solid = replace(stretched.solid, rows=rows[heads[stretched.solid.rows]])
-    reach = reach_of(planes, solid)
-    return _stretched_shape(planes, replace(stretched, solid=solid), reach, inside), reach.rows
+        return shape if _is_accurate(shape, solid) else _exact_shape(planes, solid, shape)
+
+
+def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """One row of each plane."""
+    near = planes if len(rows) == len(planes) else planes.select(rows)
+    return rows[near.coplanar_groups() == np.arange(len(near))]
 
 
 def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
@@ -158,6 +138,7 @@ def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Fe
         face_starts=solid.start,
         face_vertices=solid.ring,
         rows=solid.rows,
+        vertex_rows=solid.vertex_rows,
         volume=volume,
         area=area,
         centroid=solid.center + centroid,
@@ -172,24 +153,23 @@ def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Fe
     )
 
 
-def _stretched_shape(planes: HalfSpaces, stretched: Stretched, reach: Reach, inside: Feasibility) -> Shape:
-    """Measure a stretched polyhedron: moments in round coordinates, the rest as for any other."""
-    shape = _float_shape(planes, stretched.solid, reach, inside)
-    centered = replace(stretched.solid, vertices=stretched.round_vertices)
-    volume, centroid, inertia, _ = polyhedron_moments(centered)
-    basis = stretched.basis
-    factor = stretched.factor
-    deepest, clearance = shape.deepest, shape.clearance
-    if _ROUNDING * clearance < float(planes.local_errors[stretched.solid.rows].max()) * (1 + stretched.solid.extent):
-        deepest, clearance = _exact_deepest(planes.select(stretched.solid.rows), shape.vertices)
+def _exact_shape(planes: HalfSpaces, solid: Polyhedron, shape: Shape) -> Shape:
+    """Measure a thin or tiny polyhedron by exact sums over its exact vertices."""
+    corners = meeting_points(planes, solid.vertex_rows)
+    bounds = solid.start.tolist()
+    faces = [solid.ring[a:b].tolist() for a, b in pairwise(bounds)]
+    volume, area, centroid, inertia = rational_moments(3, corners, faces)
+    deepest, clearance = _exact_deepest(planes.select(solid.rows), shape.vertices)
+    unit = Fraction(planes.scale) * planes.lattice_unit
     return replace(
         shape,
+        volume=float(volume / unit**3),
+        area=float(area / unit**2),
+        centroid=planes.from_lattice(centroid),
+        inertia=np.array([[float(v / unit**5) for v in line] for line in inertia]),
         deepest=deepest,
         clearance=clearance,
-        volume=volume * factor,
-        centroid=stretched.solid.center + basis @ centroid,
-        inertia=basis @ inertia @ basis.T * factor,
-        rounding=8.0 * stretched.misfit + 1e-13,
+        rounding=1e-14,
     )
 
 
@@ -214,42 +194,36 @@ def _exact_deepest(faces: HalfSpaces, vertices: NDArray[np.float64]) -> tuple[ND
         chosen += [i for _, i in worse[:8]]
 
 
-def rational_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
-    """Find corners and faces in rational arithmetic; None for an unbounded kernel."""
+def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
+    """Find the corners of a point, a segment or a flat polygon in rational arithmetic; None for an unbounded one."""
     kernel = rational_kernel(planes, inside)
     if kernel is None or inside.point is None:
         return None
     corners, faces = kernel
     unit = Fraction(planes.scale) * planes.lattice_unit
-    volume, area, centroid, inertia = rational_moments(inside.dimension, corners, [f for _, f in faces])
+    volume, area, centroid, _ = rational_moments(inside.dimension, corners, [f for _, f in faces])
     vertices = np.array([planes.from_lattice(c) for c in corners])
-    deepest, clearance = planes.from_lattice(inside.point), 0.0
-    rows = [r for r, _ in faces]
-    rings = [np.array(f, np.int64) for _, f in faces]
-    if inside.dimension == 3:
-        deepest, clearance = _exact_deepest(planes.select(np.array(rows)), vertices)
-    elif inside.dimension == 2:
+    ring: list[int] = []
+    rows: list[int] = []
+    if inside.dimension == 2:
         ring = [faces[0][1][0]]
         after = dict((f[0], f[1]) for _, f in faces)
         while after[ring[-1]] != ring[0]:
             ring.append(after[ring[-1]])
-        rings, rows = [np.array(ring, np.int64)], [inside.witnesses[-1].ids[0]]
-    else:
-        rings, rows = [], []
+        rows = [inside.witnesses[-1].ids[0]]
     residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
-    starts = np.concatenate([[0], np.cumsum([len(r) for r in rings], dtype=np.int64)])
-    ring_array = np.concatenate(rings) if rings else np.empty(0, np.int64)
     return Shape(
         vertices=vertices,
-        face_starts=starts,
-        face_vertices=ring_array,
+        face_starts=np.array([0, len(ring)] if ring else [0], np.int64),
+        face_vertices=np.array(ring, np.int64),
         rows=np.array(rows, np.int64),
+        vertex_rows=np.empty((0, 3), np.int64),
         volume=float(volume / unit**3),
         area=float(area / unit**2),
         centroid=planes.from_lattice(centroid),
-        inertia=np.array([[float(v / unit**5) for v in line] for line in inertia]),
-        deepest=deepest,
-        clearance=clearance,
+        inertia=np.zeros((3, 3)),
+        deepest=planes.from_lattice(inside.point),
+        clearance=0.0,
         corners=corners,
         residual=residual,
         rounding=1e-14,

@@ -1,4 +1,4 @@
-"""Kernels that floating point cannot resolve: flat, or so thin that rationals must find the corners."""
+"""Flat kernels in rational arithmetic, and moments of kernels of any dimension."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import N_BINS, tightest_by_direction
-from voxkernel.exact.rational_clipping import RationalPolytope, clip_interval, clip_polygon, clip_polyhedron
+from voxkernel.exact.meeting_points import RationalPoint
+from voxkernel.exact.rational_clipping import RationalPolytope, clip_interval, clip_polygon
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks
 
-__all__ = ["RationalKernel", "RationalPoint", "rational_kernel", "rational_moments", "rough_corners"]
+__all__ = ["RationalKernel", "rational_kernel", "rational_moments"]
 
-RationalPoint = tuple[Fraction, Fraction, Fraction]
 _Number = TypeVar("_Number", Fraction, int)
 RationalKernel = tuple[list[RationalPoint], list[tuple[int, list[int]]]]
 
@@ -27,7 +27,7 @@ _REACHES = (8, 2**14, 2**28, 2**60, 2**120)
 
 
 def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel | None:
-    """Find the corners of a kernel of dimension 0 to 3 exactly, in lattice coordinates.
+    """Find the corners of a kernel of dimension 0 to 2 exactly, in lattice coordinates.
 
     Half-spaces are added lazily: the polytope of a working set is clipped, every half-space that
     is not clear of its corners is tried in integers, and those that cut it join the working set.
@@ -63,28 +63,10 @@ def rational_kernel(planes: HalfSpaces, inside: Feasibility) -> RationalKernel |
         rows = np.concatenate([rows, fresh])
 
 
-def rough_corners(planes: HalfSpaces, inside: Feasibility) -> list[RationalPoint] | None:
-    """Give corners, relative to the point, of a solid that contains the kernel and is about as thin.
-
-    The tightest half-spaces around the point, few at a time, until they bound a solid.
-    """
-    assert inside.local_point is not None
-    slack = planes.local_offsets - planes.local_normals @ inside.local_point
-    order = np.argsort(slack, kind="stable")
-    others = _directions_missing(planes, inside, order[:16])
-    tight = np.concatenate([order[:16], others[_well_spread(planes.local_normals[others])]])
-    for count in (32, 64, 128, len(planes)):
-        polytope = _clip_rows(planes, tight[:count], inside)
-        if polytope is not None:
-            return [(x, y, z) for x, y, z in polytope.vertices]  # the directions of a solid are the axes
-        tight = np.concatenate([tight, np.setdiff1d(order, tight)])
-    return None
-
-
 def _clip_rows(planes: HalfSpaces, rows: NDArray[np.int64], inside: Feasibility) -> RationalPolytope | None:
     """Clip in coordinates of the affine hull; None when the start still shows."""
     assert inside.point is not None
-    clip = {1: clip_interval, 2: clip_polygon, 3: clip_polyhedron}[inside.dimension]
+    clip = {1: clip_interval, 2: clip_polygon}[inside.dimension]
     reduced = []
     names = []
     for i, p in zip(range(len(rows)), planes.integer_planes(rows), strict=True):
@@ -129,17 +111,6 @@ def _cutting_rows(
             if len(cutting) >= 24:
                 break
     return np.array(cutting, np.int64)
-
-
-def _well_spread(normals: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Order directions so that each is far from all before it: the first few bound what all bound."""
-    order = np.zeros(len(normals), np.int64)
-    nearest = np.full(len(normals), -np.inf)  # cosine of the angle to the nearest one chosen
-    for k in range(1, len(normals)):
-        nearest = np.maximum(nearest, normals @ normals[order[k - 1]])
-        nearest[order[k - 1]] = np.inf
-        order[k] = np.argmin(nearest)
-    return order
 
 
 def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -345,6 +345,10 @@ class HalfSpaces(Frozen):
         """The vertices `corner_ids` refer to, (v, 3), world coordinates."""
         return self._vertices
 
+    def given_planes(self) -> NDArray[np.float64]:
+        """The planes given as numbers, (k, 4): row j is n, d of the one that `corner_ids` calls -1 - j."""
+        return self._explicit
+
     def _with_rows(
         self, rows: NDArray[np.float64], facet_ids: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> HalfSpaces:

@@ -1,0 +1,67 @@
+// Planes as integers, and the signs of determinants of them.
+#pragma once
+
+#include <vector>
+
+#include "spans.h"
+#include "wide_integer.h"
+
+namespace voxkernel {
+
+// Where exact planes come from: three corners each, or, where the first of `corners` is -1 - j, plane j of `given`
+// (n and d of n . x <= d). `center` holds doubles whose sum is the centre.
+struct PlaneSource {
+  Points vertices;
+  Triangles corners;
+  Rows<const double, 4> given;
+  Points center;
+};
+
+// Half-spaces n . y <= s as integers, y the exact distance from the centre in units of a lattice that holds all corners.
+//
+// Planes are made when they are first asked for, and kept. Indices are positions in `rows`; the six after the last are
+// the sides of a cube about the centre, x, -x, y, -y, z, -z.
+class ExactPlanes {
+ public:
+  ExactPlanes(const PlaneSource& source, Indices rows, int cube_exponent);
+
+  // The sign of the determinant of three normals.
+  int normals_sign(Index i, Index j, Index k);
+  // The sign of the determinant of four rows (n, s).
+  int planes_sign(Index i, Index j, Index k, Index l);
+  // Whether two half-spaces that hold the centre strictly are the same.
+  bool are_same(Index i, Index j);
+  // The sign of s: 1 where the half-space holds the centre strictly.
+  int slack_sign(Index i);
+  // n / s in units of 1 / `scale`, each number off by less than 2**-49 of itself.
+  void dual(Index i, double scale, double* q);
+  // The common point of three planes, from the centre, in units of `scale`; the same accuracy.
+  void common_point(Index i, Index j, Index k, double scale, double* point);
+
+  Index n_decided() const { return n_decided_; }
+
+ private:
+  struct Plane {
+    Wide n[3];
+    Wide s;
+    bool is_known = false;
+  };
+  void find_lattice();
+  const Plane& plane(Index i);
+  Wide keep(const Wide& value);
+  void from_corners(const Index* corners, Plane& plane);
+  void from_given(const double* row, Plane& plane);
+  Wide determinant(const Wide& ab, const Wide& ac, const Wide& bc, const Wide& a, const Wide& b, const Wide& c);
+
+  PlaneSource source_;
+  Indices rows_;
+  int cube_exponent_;
+  int shift_ = 0;  // every number used times 2**shift is an integer
+  bool has_lattice_ = false;
+  Wide center_[3];
+  std::vector<Plane> planes_;
+  LimbPool kept_, scratch_;
+  Index n_decided_ = 0;
+};
+
+}  // namespace voxkernel
