@@ -15,6 +15,8 @@
 #include <limits>
 #include <utility>
 
+#include "common_point.h"
+
 namespace voxkernel {
 namespace {
 
@@ -22,7 +24,6 @@ constexpr double kUnit = 0x1p-53;
 constexpr double kExactDual = 0x1p-48;    // bound on the relative error of dual points made from integers
 constexpr double kGoodDual = 0x1p-44;     // dual points less certain than this are made from integers
 constexpr double kUnderflow = 0x1p-600;   // more than what underflow can cost a product of three numbers
-constexpr double kBlurred = 1e-8;         // corners less certain than this, against the nearest face, are made exactly
 constexpr Index kSorted = 64;             // so many points are inserted as they come
 
 struct Dual {
@@ -71,7 +72,8 @@ class DualHull {
         stop_(stop),
         rows_(sorted(rows)),
         n_(rows.size()),
-        exact_(source, rows_, cube_exponent) {
+        exact_(source, rows_, cube_exponent),
+        points_(source, rows_) {
     find_duals(cube_exponent);
   }
 
@@ -547,33 +549,12 @@ class DualHull {
     return sign == 2 ? exact_.normals_sign(i, j, k) : sign;
   }
 
-  // The point with q . y = 1 for three dual points; returns a bound on the error of its coordinates.
+  // The vertex in which three planes meet; returns a bound on the error of its coordinates.
   double common_point(Index i, Index j, Index k, double* point) {
-    const Dual* duals[3] = {&duals_[i], &duals_[j], &duals_[k]};
-    double top[3] = {0.0, 0.0, 0.0}, below = 0.0, spread_size = 0.0, error = 0.0, longest = 0.0, sum_size = 0.0;
-    for (int r = 0; r < 3; ++r) {
-      const double *a = duals[(r + 1) % 3]->q, *b = duals[(r + 2) % 3]->q, *c = duals[r]->q;
-      const double cross[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-      for (int m = 0; m < 3; ++m) top[m] += cross[m];
-      if (r == 0) below = cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2];
-      spread_size += size_of(cross);
-      sum_size += size_of(a) * size_of(b);
-      error = std::max(error, duals[r]->error);
-      longest = std::max(longest, size_of(c));
-    }
-    const double lengths[3] = {size_of(duals[0]->q), size_of(duals[1]->q), size_of(duals[2]->q)};
-    const double errors[3] = {3.0 * duals[0]->error, 3.0 * duals[1]->error, 3.0 * duals[2]->error};
-    const double blur = determinant_error(lengths, errors);
-    if (std::abs(below) > 4.0 * blur) {
-      for (int m = 0; m < 3; ++m) point[m] = top[m] / below;
-      const double size = size_of(point);
-      // Cross products are off by 4 u of the products of lengths, the determinant by `blur`. Planes that are off by
-      // `error` per coordinate are off by `error` times the 1-norm of the point there, and move it by that times the
-      // sum of the cross products over the determinant; half as much again covers what is of second order.
-      const double rounding = 8.0 * kUnit * sum_size + blur * size;
-      const double moved = spread_size * error * size;
-      const double bound = 1.5 * (rounding + moved) / std::abs(below) + 8.0 * kUnit * size;
-      if (bound * longest <= kBlurred) return bound;
+    double error = points_.find(i, j, k, point);
+    if (std::isfinite(error)) {
+      for (int m = 0; m < 3; ++m) point[m] /= planes_.scale;
+      return error / planes_.scale;
     }
     exact_.common_point(i, j, k, planes_.scale, point);
     return 0x1p-48 * size_of(point);
@@ -592,6 +573,7 @@ class DualHull {
   std::vector<Index> rows_;  // in the order of `sorted`
   Index n_;
   ExactPlanes exact_;
+  CommonPoints points_;
   bool is_inside_ = true;
   std::vector<Dual> duals_;
   std::vector<Triangle> triangles_;

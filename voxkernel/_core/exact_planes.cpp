@@ -113,7 +113,25 @@ int ExactPlanes::normals_sign(Index i, Index j, Index k) {
   return sign;
 }
 
+// Whether four facets meet in a vertex of the surface: then their planes do.
+bool ExactPlanes::have_common_corner(Index i, Index j, Index k, Index l) const {
+  const Index others[3] = {j, k, l};
+  if (std::max({i, j, k, l}) >= rows_.size()) return false;
+  for (int a = 0; a < 3; ++a) {
+    const Index corner = source_.corners(rows_[i], a);
+    if (source_.corners(rows_[i], 0) < 0) return false;
+    bool is_common = true;
+    for (const Index other : others) {
+      const Index* row = source_.corners[rows_[other]];
+      is_common = is_common && row[0] >= 0 && (row[0] == corner || row[1] == corner || row[2] == corner);
+    }
+    if (is_common) return true;
+  }
+  return false;
+}
+
 int ExactPlanes::planes_sign(Index i, Index j, Index k, Index l) {
+  if (have_common_corner(i, j, k, l)) return 0;
   ++n_decided_;
   const Plane* rows[4] = {&plane(i), &plane(j), &plane(k), &plane(l)};
   Wide minors[4][4];

@@ -47,6 +47,7 @@ class ExactPlanes {
     bool is_known = false;
   };
   void find_lattice();
+  bool have_common_corner(Index i, Index j, Index k, Index l) const;
   const Plane& plane(Index i);
   Wide keep(const Wide& value);
   void from_corners(const Index* corners, Plane& plane);

@@ -55,6 +55,11 @@ class Polyhedron(Frozen):
         """Largest distance of a vertex from the centre."""
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
+    @property
+    def reach(self) -> float:
+        """No vertex is farther from the exact one."""
+        return 2.0 * self.error
+
 
 def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.int64]) -> Polyhedron | None:
     """Intersect some of the half-spaces about a point strictly inside them; None where that is unbounded.
@@ -96,7 +101,7 @@ def convex_surface(planes: HalfSpaces, point: InnerPoint) -> Polyhedron | None:
     if abs(solid_angle(vertices, ring) / (4 * np.pi) - 1.0) > 0.25:
         return None
     return Polyhedron(
-        point.local, vertices, _three_faces(ring, len(vertices)), 2.0**-50, start, ring, np.arange(len(faces))
+        point.local, vertices, _three_faces(ring, len(vertices)), 2.0**-49, start, ring, np.arange(len(faces))
     )
 
 
@@ -120,10 +125,13 @@ def relevant_rows(planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np
     ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
     arrays = planes.local_normals, planes.local_offsets, planes.local_errors
     tightest_by_direction(*arrays, point.local, np.inf, ids, slacks)
-    outer = polyhedron_around(planes, point, np.union1d(ids[ids >= 0], working_set))
+    outer = polyhedron_around(planes, point, np.unique(np.concatenate([ids[ids >= 0], working_set])))
     if outer is None:
         return np.arange(n)
-    return np.union1d(reach_of(planes, outer, margin=1e-9 * outer.extent + outer.error).rows, outer.rows)
+    is_near = np.zeros(n, np.bool_)
+    is_near[outer.rows] = True
+    is_near[reach_of(planes, outer, margin=1e-9 * outer.extent + outer.reach).rows] = True
+    return np.flatnonzero(is_near)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -136,16 +144,6 @@ class Reach(Frozen):
 
     def __post_init__(self) -> None:
         """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
-
-    @property
-    def residual(self) -> float:
-        """Largest distance by which a corner lies outside a half-space, at least 0."""
-        return float(np.max(self.excess, initial=0.0))
-
-    @property
-    def bound(self) -> float:
-        """The same with rounding added."""
-        return float(np.max(self.excess + self.pads, initial=0.0))
 
 
 def reach_of(planes: HalfSpaces, solid: Polyhedron, *, margin: float = 0.0) -> Reach:

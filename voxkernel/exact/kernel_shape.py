@@ -10,11 +10,10 @@ from math import isqrt, lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import deepest_point, face_misfit
+from voxkernel._core import deepest_point
 from voxkernel._frozen import Frozen
 from voxkernel.exact.dual_hull import (
     Polyhedron,
-    Reach,
     convex_surface,
     polyhedron_around,
     polyhedron_moments,
@@ -76,26 +75,33 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     if 2 * len(rows) > len(planes):
         convex = convex_surface(planes, point)
         if convex is not None:
-            shape = _float_shape(planes, convex, reach_of(planes, convex), inside)
+            shape = _float_shape(planes, convex, inside)
             if _is_accurate(shape, convex):
                 return shape
     while True:
         solid = polyhedron_around(planes, point, _heads(planes, rows))
-        if solid is None:
-            if len(rows) == len(planes):
-                return None
+        if solid is not None:
+            missing = _missing_rows(planes, solid, rows)
+            if not len(missing):
+                break
+            rows = np.sort(np.concatenate([rows, missing]))
+        elif len(rows) == len(planes):
+            return None
+        else:
             rows = np.arange(len(planes))
-            continue
-        reach = reach_of(planes, solid, margin=solid.error)
-        if len(rows) < len(planes):
-            is_known = np.zeros(len(planes), np.bool_)
-            is_known[rows] = True
-            missing = reach.rows[~is_known[reach.rows]]
-            if len(missing):
-                rows = np.union1d(rows, missing)
-                continue
-        shape = _float_shape(planes, solid, reach, inside)
-        return shape if _is_accurate(shape, solid) else _exact_shape(planes, solid, shape)
+    shape = _float_shape(planes, solid, inside)
+    return shape if _is_accurate(shape, solid) else _exact_shape(planes, solid, shape)
+
+
+def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """List the half-spaces left out that are not clear of all corners."""
+    is_out = np.ones(len(planes), np.bool_)
+    is_out[rows] = False
+    out = np.flatnonzero(is_out)
+    if 2 * len(out) > len(planes):
+        near = reach_of(planes, solid, margin=solid.reach).rows
+        return near[is_out[near]]
+    return out[reach_of(planes.select(out), solid, margin=solid.reach).rows] if len(out) else out
 
 
 def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -123,16 +129,12 @@ def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tupl
     return solid.center + size * best[:3], clearance
 
 
-def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Feasibility) -> Shape:
-    """Measure a polyhedron; `reach` is what all half-spaces say to its corners."""
+def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> Shape:
+    """Measure a polyhedron, every vertex of which is within `reach` of the exact one."""
     deepest, clearance = _deepest(planes, solid, inside)
     volume, centroid, inertia, area = polyhedron_moments(solid)
-    on_face, blur, extent = face_misfit(
-        planes.local_normals, planes.local_offsets, planes.local_errors,
-        solid.center, solid.vertices, solid.start, solid.ring, solid.rows,
-    )  # fmt: skip
-    # Moving every plane by the largest misfit changes the volume by less than this share.
-    misfit = max(on_face + blur, reach.bound)
+    # Scaled about the deepest point by 1 + reach / clearance, the exact polyhedron holds the rounded one; by
+    # 1 - reach / clearance, it lies inside.
     return Shape(
         vertices=solid.center + solid.vertices,
         face_starts=solid.start,
@@ -146,8 +148,8 @@ def _float_shape(planes: HalfSpaces, solid: Polyhedron, reach: Reach, inside: Fe
         deepest=deepest,
         clearance=clearance,
         corners=[],
-        residual=reach.residual,
-        rounding=4.0 * misfit / clearance + _UNIT * (extent / clearance) ** 2 + 1e-14
+        residual=solid.reach,
+        rounding=4.0 * solid.reach / clearance + _UNIT * (solid.extent / clearance) ** 2 + 1e-14
         if clearance > 0
         else np.inf,
     )

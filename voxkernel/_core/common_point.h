@@ -1,0 +1,37 @@
+// The common point of three planes with twice the digits of doubles, and a bound on its error.
+#pragma once
+
+#include <vector>
+
+#include "double_double.h"
+#include "exact_planes.h"
+#include "spans.h"
+
+namespace voxkernel {
+
+class CommonPoints {
+ public:
+  CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows), cache_(kCached) {}
+
+  // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each coordinate; infinity where there is none.
+  double find(Index i, Index j, Index k, double* point);
+
+ private:
+  // n . y <= s about the centre; n and s, each number of n, are off by less than the errors.
+  struct Plane {
+    Index place = -1;
+    DoubleDouble n[3], s;
+    double n_size = 0.0;  // 1-norm
+    double n_error = 0.0, s_error = 0.0;
+  };
+  static constexpr Index kCached = 1024;
+  const Plane& plane(Index place);
+  void from_corners(const Index* corners, Plane& plane) const;
+  void from_given(const double* row, Plane& plane) const;
+
+  PlaneSource source_;
+  Indices rows_;
+  std::vector<Plane> cache_;  // by place, the last one asked for
+};
+
+}  // namespace voxkernel
