@@ -11,12 +11,13 @@ from voxkernel.relaxed.root_cube import cube_planes, root_cube
 from voxkernel.voxels.exact_octree import rows_for_voxels
 
 
-def rows_and_cells(planes, corners, depth):
+def rows_and_cells(planes, corners, depth, axes=np.eye(3)):
     """Rows that are kept, and the octree with those and with all."""
-    cube, levels = root_cube(corners, np.eye(3), depth=depth)
+    cube, levels = root_cube(corners, axes, depth=depth)
     numbers = cube_planes(planes, cube, levels)
     local = cube.edge / planes.scale
-    rows = rows_for_voxels(planes, find_feasibility(planes), 2.0**-levels * local, numbers[3].max() * local)
+    sizes = 2.0**-levels * local, numbers[3].max() * local
+    rows = rows_for_voxels(planes, find_feasibility(planes), numbers[2], *sizes)
     return rows, *(exact_cells(*(p[ids] for p in numbers), levels, False) for ids in (rows, np.arange(len(planes))))
 
 
@@ -32,7 +33,8 @@ def test_arrays_are_identical(depth, most, seed):
     vertices, faces = shapes.uv_sphere(30, 60)
     vertices = vertices * (1 + 0.5 * np.cos(vertices @ rng.normal(size=(3, 6)) * 3).mean(axis=1))[:, None]
     planes = HalfSpaces.from_mesh(voxkernel.as_mesh((vertices, faces))).merged()
-    rows, found, expected = rows_and_cells(planes, vertices, depth)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] if seed else np.eye(3)
+    rows, found, expected = rows_and_cells(planes, vertices, depth, axes)
     assert len(rows) <= most * len(planes)
     assert found[-1] > 0
     assert_equal(found, expected)

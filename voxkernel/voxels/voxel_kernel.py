@@ -154,7 +154,8 @@ class _Octree(NamedTuple):
         """Run the compiled loop with the half-spaces that make a difference."""
         numbers = cube_planes(self.planes, cube, depth)
         local = cube.edge / self.planes.scale
-        near = rows_for_voxels(self.planes, self.inside, 2.0**-depth * local, float(numbers[3].max()) * local)
+        voxel, pad = 2.0**-depth * local, float(numbers[3].max()) * local
+        near = rows_for_voxels(self.planes, self.inside, numbers[2], voxel, pad)
         if 4 * len(near) < 3 * len(self.planes):
             return exact_cells(*(part[near] for part in numbers), depth, count_only)
         return exact_cells(*numbers, depth, count_only)
