@@ -11,9 +11,9 @@ from voxkernel.relaxed.root_cube import cube_planes, root_cube
 from voxkernel.voxels.exact_octree import rows_for_voxels
 
 
-def rows_and_cells(planes, corners, depth, axes=np.eye(3)):
+def rows_and_cells(planes, corners, depth, axes=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
     """Rows that are kept, and the octree with those and with all."""
-    cube, levels = root_cube(corners, axes, depth=depth)
+    cube, levels = root_cube(corners, np.array(axes, float), depth=depth)
     numbers = cube_planes(planes, cube, levels)
     local = cube.edge / planes.scale
     sizes = 2.0**-levels * local, numbers[3].max() * local
