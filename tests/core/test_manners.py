@@ -12,7 +12,7 @@ import pytest
 import shapes
 
 import voxkernel
-from voxkernel._core import StopFlag, boundary_is_zero, exact_cells, halfedge_twins
+from voxkernel._core import StopFlag, boundary_is_zero, exact_cells
 from voxkernel._threads import run_parts
 
 
@@ -21,8 +21,6 @@ def test_memory_that_is_not_there():
     for n_vertices in (1 << 46, 1 << 57):
         with pytest.raises(MemoryError):
             boundary_is_zero(nothing, n_vertices)
-        with pytest.raises(MemoryError):
-            halfedge_twins(nothing, n_vertices)
 
 
 def planes(n, rng):

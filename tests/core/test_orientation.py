@@ -73,7 +73,16 @@ def ties(rng):
     return points * np.ldexp(rng.choice([1.0, 3.0, 1e9 + 7], (N, 1, 1)), rng.integers(-250, 250, (N, 1, 1)))
 
 
+def few_bits(rng):
+    """Integers of up to 57 to 64 bits, most of each four in one plane: integers of fixed width end between."""
+    bits = rng.integers(1, 65, (N, 1, 1))
+    points = np.trunc(rng.uniform(-1, 1, (N, 4, 3)) * 2.0 ** np.minimum(bits, 50))
+    points[::2, 3] = points[::2, 0] + points[::2, 1] - points[::2, 2]
+    return points * 2.0 ** np.maximum(bits - 50, 0) + rng.integers(-1, 2, (N, 4, 3)) * (rng.integers(0, 2, (N, 1, 1)))
+
+
 CASES = {
+    "few bits": few_bits,
     "nearly flat": nearly_flat,
     "nearly flat, huge": lambda rng: nearly_flat(rng, scale=2.0**296),
     "nearly flat, far away": lambda rng: nearly_flat(rng, shift=5e6),

@@ -6,32 +6,25 @@ namespace voxkernel {
 
 void bind_convexity(nb::module_& m) {
   m.def(
-      "halfedge_twins",
-      [](Array2<const Index, 3> faces, Index n_vertices) {
-        return to_array(without_lock([&](Stop& stop) { return halfedge_twins(rows(faces), n_vertices, stop); }));
-      },
-      array("faces"), nb::arg("n_vertices"),
-      "Pair the half-edges 3 f + k of a surface; -1 where an edge does not have two faces, one each way.");
-  m.def(
       "edge_convexity",
-      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces, Array1<const Index> twins,
-         Array1<const Index> face_planes, Array2<const Index, 3> plane_corners) {
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces, Array1<const Index> face_planes,
+         Array2<const Index, 3> plane_corners, int least) {
         return without_lock([&](Stop& stop) {
-          return edge_convexity(rows(vertices), rows(faces), span(twins), span(face_planes), rows(plane_corners), stop);
+          return edge_convexity(rows(vertices), rows(faces), span(face_planes), rows(plane_corners), least, stop);
         });
       },
-      array("vertices"), array("faces"), array("twins"), array("face_planes"), array("plane_corners"),
-      "Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without twin.");
+      array("vertices"), array("faces"), array("face_planes"), array("plane_corners"), nb::arg("least") = 1,
+      "Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without two faces, "
+      "or less than `least`.");
   m.def(
       "coplanar_groups",
-      [](Array2<const double, 3> normals, Array1<const double> offsets, Array2<const double, 3> vertices,
-         Array2<const Index, 3> corners) {
-        return to_array(without_lock([&](Stop& stop) {
-          return coplanar_groups(rows(normals), span(offsets), rows(vertices), rows(corners), stop);
-        }));
+      [](Array2<const double, 3> normals, Array2<const double, 3> vertices, Array2<const Index, 3> corners,
+         Array2<const double, 4> explicit_planes, bool is_cone) {
+        const PlaneSources sources{rows(vertices), rows(corners), rows(explicit_planes), is_cone};
+        return to_array(without_lock([&](Stop& stop) { return coplanar_groups(rows(normals), sources, stop); }));
       },
-      array("normals"), array("offsets"), array("vertices"), array("corners"),
-      "Name for each facet the first one that is exactly coplanar with it and faces the same way.");
+      array("normals"), array("vertices"), array("corners"), array("explicit_planes"), nb::arg("is_cone") = false,
+      "Name for each half-space the first one that is exactly coplanar with it and faces the same way.");
 }
 
 }  // namespace voxkernel

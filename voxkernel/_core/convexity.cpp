@@ -1,82 +1,103 @@
 #include "convexity.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include "predicates.h"
+#include "stretches.h"
 
 namespace voxkernel {
 namespace {
 
+Index next_corner(const Index* face, int k) { return face[k == 2 ? 0 : k + 1]; }
+
+bool are_equal(const Index* p, const Index* q) { return p[0] == q[0] && p[1] == q[1] && p[2] == q[2]; }
+
+// Edge k of face f, from corner k to corner k + 1, is half-edge 3 f + k. `Small` holds vertices and half-edges.
+template <typename Small>
 struct HalfEdge {
-  Index other;  // the larger vertex
-  Index edge;
+  Small other;  // the larger vertex
+  Small edge;
 };
 
-Index next_corner(const Index* face, int k) { return face[k == 2 ? 0 : k + 1]; }
+struct Surface {
+  Points vertices;
+  Triangles faces;
+  Indices face_planes;
+  Triangles plane_corners;
+
+  Index begin(Index edge) const { return faces(edge / 3, edge % 3); }
+
+  // The side of the plane of one face on which the far corner of its neighbour lies: 0 on it, positive beyond.
+  double side(Index one, Index two) const {
+    const Index* corners = plane_corners[face_planes[one / 3]];
+    const Index far = faces(two / 3, (two % 3 + 2) % 3);
+    return orientation(vertices[corners[0]], vertices[corners[1]], vertices[corners[2]], vertices[far]);
+  }
+
+  // 2 where two faces meet in a strictly convex edge, or are one plane; 1 in a flat edge, 0 in a concave one.
+  int convexity(Index one, Index two) const {
+    const Index plane = face_planes[one / 3], neighbour = face_planes[two / 3];
+    if (plane == neighbour) return 2;
+    double worst = side(one, two);
+    // Seen from the other triangle it is the same sign of the same four corners; planes of polygons are both asked.
+    const bool is_same_sign =
+        are_equal(plane_corners[plane], faces[one / 3]) && are_equal(plane_corners[neighbour], faces[two / 3]);
+    if (worst <= 0.0 && !is_same_sign) worst = std::max(worst, side(two, one));
+    return worst > 0.0 ? 0 : (worst == 0.0 ? 1 : 2);
+  }
+};
+
+template <typename Small>
+int edge_convexity_with(const Surface& surface, int least, Stop& stop) {
+  const Triangles faces = surface.faces;
+  const Index n_vertices = surface.vertices.size();
+  const auto lower = [&](Index f, int k) { return std::min(faces(f, k), next_corner(faces[f], k)); };
+  std::vector<Small> end(n_vertices + 1, 0);
+  for_each(faces.size(), 1, stop, [&](Index f) {
+    for (int k = 0; k < 3; ++k) ++end[lower(f, k) + 1];
+  });
+  for (Index v = 0; v < n_vertices; ++v) end[v + 1] += end[v];
+  std::vector<HalfEdge<Small>> edges(3 * faces.size());
+  // Filling moves each start to where the next one was.
+  for_each(faces.size(), 1, stop, [&](Index f) {
+    for (int k = 0; k < 3; ++k) {
+      const Index larger = std::max(faces(f, k), next_corner(faces[f], k));
+      edges[end[lower(f, k)]++] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
+    }
+  });
+  int answer = 2;
+  Index first = 0;
+  for (Index v = 0; v < n_vertices; ++v) {
+    const Index last = static_cast<Index>(end[v]);
+    stop.poll(1 + last - first);
+    // In any order where the other vertex is the same: only pairs are used, and both ways.
+    std::sort(edges.begin() + first, edges.begin() + last,
+              [](const auto& a, const auto& b) { return a.other < b.other; });
+    for (; first < last; first += 2) {
+      const bool is_pair = first + 1 < last && edges[first].other == edges[first + 1].other &&
+                           (first + 2 == last || edges[first + 2].other != edges[first].other);
+      if (!is_pair) return 0;
+      const auto one = static_cast<Index>(edges[first].edge), two = static_cast<Index>(edges[first + 1].edge);
+      if (surface.begin(one) == surface.begin(two)) return 0;
+      answer = std::min(answer, surface.convexity(one, two));
+      if (answer < least) return 0;
+    }
+  }
+  return answer;
+}
 
 }  // namespace
 
-// Pairs the half-edges of a surface: edge k of face f is 3 f + k, from corner k to corner k + 1.
-// -1 where an edge does not have exactly two faces that traverse it in opposite directions.
-// Half-edges are bucketed by their smaller vertex, so the time is linear.
-std::vector<Index> halfedge_twins(Triangles faces, Index n_vertices, Stop& stop) {
-  std::vector<Index> start(n_vertices + 1, 0);
-  for (Index f = 0; f < faces.size(); ++f) {
-    stop.poll();
-    for (int k = 0; k < 3; ++k) ++start[std::min(faces(f, k), next_corner(faces[f], k)) + 1];
-  }
-  for (Index v = 0; v < n_vertices; ++v) start[v + 1] += start[v];
-  std::vector<Index> fill(start.begin(), start.end() - 1);
-  std::vector<HalfEdge> edges(3 * faces.size());
-  for (Index f = 0; f < faces.size(); ++f) {
-    stop.poll();
-    for (int k = 0; k < 3; ++k) {
-      const Index a = faces(f, k), b = next_corner(faces[f], k);
-      edges[fill[std::min(a, b)]++] = {std::max(a, b), 3 * f + k};
-    }
-  }
-  const auto begins_at = [&](Index edge) { return faces(edge / 3, edge % 3); };
-  std::vector<Index> twins(3 * faces.size(), -1);
-  for (Index v = 0; v < n_vertices; ++v) {
-    const Index high = start[v + 1];
-    stop.poll(1 + high - start[v]);
-    // In any order where the other vertex is the same: only pairs are used, and both ways.
-    std::sort(edges.begin() + start[v], edges.begin() + high,
-              [](const HalfEdge& a, const HalfEdge& b) { return a.other < b.other; });
-    for (Index j = start[v]; j < high;) {
-      Index end = j + 1;
-      while (end < high && edges[end].other == edges[j].other) ++end;
-      const Index one = edges[j].edge;
-      if (end - j == 2) {
-        const Index two = edges[j + 1].edge;
-        if (begins_at(one) != begins_at(two)) {
-          twins[one] = two;
-          twins[two] = one;
-        }
-      }
-      j = end;
-    }
-  }
-  return twins;
-}
-
-// Tests every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without twin.
-int edge_convexity(Points vertices, Triangles faces, Indices twins, Indices face_planes, Triangles plane_corners,
+// Tests every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave, or one that does not have
+// two faces which traverse it in opposite directions. An answer below `least` becomes 0, found with the first edge that
+// says so. Half-edges are bucketed by their smaller vertex, so the time is linear.
+int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triangles plane_corners, int least,
                    Stop& stop) {
-  int answer = 2;
-  for (Index edge = 0; edge < twins.size(); ++edge) {
-    stop.poll();
-    const Index other = twins[edge];
-    if (other < 0) return 0;
-    const Index plane = face_planes[edge / 3];
-    if (plane == face_planes[other / 3]) continue;
-    const Index* corners = plane_corners[plane];
-    const Index far = faces(other / 3, (other % 3 + 2) % 3);
-    const double side = orientation(vertices[corners[0]], vertices[corners[1]], vertices[corners[2]], vertices[far]);
-    if (side > 0.0) return 0;
-    if (side == 0.0) answer = 1;
-  }
-  return answer;
+  const Surface surface{vertices, faces, face_planes, plane_corners};
+  const bool is_small = std::max(vertices.size(), 3 * faces.size()) <= Index{UINT32_MAX};
+  return is_small ? edge_convexity_with<std::uint32_t>(surface, least, stop)
+                  : edge_convexity_with<std::uint64_t>(surface, least, stop);
 }
 
 }  // namespace voxkernel

@@ -6,8 +6,7 @@
 
 namespace voxkernel {
 
-std::vector<Index> halfedge_twins(Triangles faces, Index n_vertices, Stop& stop);
-int edge_convexity(Points vertices, Triangles faces, Indices twins, Indices face_planes, Triangles plane_corners,
+int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triangles plane_corners, int least,
                    Stop& stop);
 
 }  // namespace voxkernel

@@ -1,101 +1,240 @@
 #include "coplanar.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "expansions.h"
+#include "modular.h"
 #include "predicates.h"
 
 namespace voxkernel {
 namespace {
 
-// Coplanar facets have nearly the same (n, d), so nearly the same key: a fixed generic linear function of those.
-constexpr double kDirection[3] = {0.4142135, 0.7320508, -0.2360679};
-constexpr double kOffsetFactor = 0.6457513;
-constexpr double kWindow = 1e-11;
-// So many groups within the window are tried; where planes lie denser, some stay apart.
-constexpr int kMostTried = 6;
+constexpr Index kBlock = 256;
+constexpr std::uint64_t kOdd = ~std::uint64_t{0};  // of planes whose numbers are all 0 modulo the prime
 
-struct Keyed {
-  double key;
-  Index facet;
-};
+using Plane = std::array<Residue, 4>;
 
-// Whether the exact predicate covers all corners in use.
-bool within_range(Points vertices, Triangles corners) {
-  for (Index i = 0; i < corners.size(); ++i) {
-    if (corners(i, 0) < 0) continue;
+bool is_within_range(double value) {
+  const double size = std::abs(value);
+  return size == 0.0 || (size >= 0x1p-300 && size <= 0x1p300);
+}
+
+// Whether the exact predicates cover all numbers in use.
+bool within_range(const PlaneSources& sources) {
+  for (Index i = 0; i < sources.corners.size(); ++i) {
+    const Index* ids = sources.corners[i];
+    if (ids[0] < 0) {
+      const double* plane = sources.explicit_planes[-1 - ids[0]];
+      if (!std::all_of(plane, plane + 4, is_within_range)) return false;
+      continue;
+    }
     for (int k = 0; k < 3; ++k) {
-      const double* p = vertices[corners(i, k)];
-      for (int axis = 0; axis < 3; ++axis) {
-        const double size = std::abs(p[axis]);
-        if (size != 0.0 && !(size >= 0x1p-300 && size <= 0x1p300)) return false;
-      }
+      const double* p = sources.vertices[ids[k]];
+      if (!std::all_of(p, p + 3, is_within_range)) return false;
     }
   }
   return true;
 }
 
-// Whether the corners of one triangle lie exactly on the plane of another.
-bool are_coplanar(Points vertices, const Index* plane, const Index* other) {
-  const double* a = vertices[plane[0]];
-  const double* b = vertices[plane[1]];
-  const double* c = vertices[plane[2]];
+// (a, b, c, d) of the plane a x + b y + c z = d, modulo the prime.
+Plane plane_residues(const PlaneSources& sources, const Index* ids) {
+  if (ids[0] < 0) {
+    const double* given = sources.explicit_planes[-1 - ids[0]];
+    return {residue_of(given[0]), residue_of(given[1]), residue_of(given[2]), residue_of(given[3])};
+  }
+  Residue p[3], u[3], v[3];
   for (int k = 0; k < 3; ++k) {
-    const Index v = other[k];
-    if (v == plane[0] || v == plane[1] || v == plane[2]) continue;
-    const double* d = vertices[v];
-    const auto same = [&](int axis) { return a[axis] == b[axis] && a[axis] == c[axis] && a[axis] == d[axis]; };
-    if (same(0) || same(1) || same(2)) continue;
-    if (orient3d_exact(a, b, c, d) != 0.0) return false;
+    p[k] = residue_of(sources.vertices(ids[0], k));
+    u[k] = subtracted(residue_of(sources.vertices(ids[1], k)), p[k]);
+    v[k] = subtracted(residue_of(sources.vertices(ids[2], k)), p[k]);
+  }
+  const auto minor = [&](int i, int j) { return subtracted(multiplied(u[i], v[j]), multiplied(u[j], v[i])); };
+  const Residue a = minor(1, 2), b = minor(2, 0), c = minor(0, 1);
+  return {a, b, c, added(added(multiplied(a, p[0]), multiplied(b, p[1])), multiplied(c, p[2]))};
+}
+
+std::uint64_t mixed(const Plane& plane, Residue factor) {
+  std::uint64_t key = 0;
+  for (const Residue part : plane) {
+    key = (key ^ multiplied(part, factor)) * 0x9e3779b97f4a7c15u;
+    key ^= key >> 29;
+  }
+  return key == kOdd ? 0 : key;
+}
+
+// Keys of a block of half-spaces, the same for all that lie on one plane: their numbers over the first one that is not
+// 0. One division serves them all (Montgomery): the product of all divisors is inverted, and taken apart again.
+class Keys {
+ public:
+  void fill(const PlaneSources& sources, Index first, Index last) {
+    Residue product = 1;
+    for (Index i = first; i < last; ++i) {
+      Plane& plane = planes_[i - first];
+      plane = plane_residues(sources, sources.corners[i]);
+      const auto* head = std::find_if(plane.begin(), plane.end(), [](Residue part) { return part != 0; });
+      divisors_[i - first] = head == plane.end() ? 0 : *head;
+      before_[i - first] = product;
+      if (head != plane.end()) product = multiplied(product, *head);
+    }
+    Residue inverse = inverted(product);
+    for (Index k = last - first - 1; k >= 0; --k) {
+      if (divisors_[k] == 0) {
+        keys_[k] = kOdd;
+        continue;
+      }
+      keys_[k] = mixed(planes_[k], multiplied(inverse, before_[k]));
+      inverse = multiplied(inverse, divisors_[k]);
+    }
+  }
+  std::uint64_t operator[](Index k) const { return keys_[k]; }
+
+ private:
+  Plane planes_[kBlock];
+  Residue divisors_[kBlock];
+  Residue before_[kBlock];
+  std::uint64_t keys_[kBlock];
+};
+
+// a x + b y + c z = d for doubles, exactly; products of two numbers in range are multiples of 2**-704 and below 2**600.
+bool lies_on(const double* plane, const double* p) {
+  Expansion<2> terms[4];
+  for (int k = 0; k < 4; ++k) {
+    const HighLow product = two_product(plane[k], k < 3 ? p[k] : -1.0);
+    terms[k].push(product.low);
+    terms[k].push(product.high);
+  }
+  return sum(sum(terms[0], terms[1]), sum(terms[2], terms[3])).size == 0;
+}
+
+bool are_proportional(const double* p, const double* q) {
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < i; ++j) {
+      if (difference_of_products(p[i], q[j], p[j], q[i]).size != 0) return false;
+    }
   }
   return true;
 }
+
+// Half-spaces that found a plane, and the exact tests of others against them.
+class Heads {
+ public:
+  Heads(Points normals, const PlaneSources& sources) : normals_(normals), sources_(sources), slots_(64, Slot{0, -1}) {
+    // Neighbours share corners; of a few facets of a large surface nothing is kept.
+    if (sources.vertices.size() <= 4 * sources.corners.size()) known_.assign(sources.vertices.size(), -1);
+  }
+
+  // The head of half-space i: one that was put in before, or i itself, which is put in.
+  Index head_of(std::uint64_t key, Index i) {
+    std::size_t at = key & (slots_.size() - 1);
+    for (; slots_[at].head >= 0; at = (at + 1) & (slots_.size() - 1)) {
+      if (slots_[at].key == key && are_one(slots_[at].head, i)) return slots_[at].head;
+    }
+    slots_[at] = {key, i};
+    if (2 * static_cast<std::size_t>(++size_) > slots_.size()) grow();
+    return i;
+  }
+
+  // The same without a key: all heads are tried.
+  Index head_of_odd(Index i) {
+    for (const Slot& slot : slots_) {
+      if (slot.head >= 0 && are_one(slot.head, i)) return slot.head;
+    }
+    return head_of(kOdd, i);
+  }
+
+ private:
+  struct Slot {
+    std::uint64_t key;
+    Index head;  // -1 is a free slot
+  };
+
+  bool are_one(Index head, Index i) {
+    const double *n = normals_[head], *m = normals_[i];
+    // Of planes that are one the rounded unit normals are nearly equal or nearly opposite: the sign is certain.
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > 0.0 && are_coplanar(head, i);
+  }
+
+  bool are_coplanar(Index head, Index i) {
+    const Index *plane = sources_.corners[head], *other = sources_.corners[i];
+    if (plane[0] >= 0 && other[0] >= 0) {
+      return has_corner(head, plane, other[0]) && has_corner(head, plane, other[1]) &&
+             has_corner(head, plane, other[2]);
+    }
+    if (plane[0] < 0 && other[0] < 0) {
+      return are_proportional(sources_.explicit_planes[-1 - plane[0]], sources_.explicit_planes[-1 - other[0]]);
+    }
+    if (sources_.is_cone) return false;
+    const Index* corners = plane[0] < 0 ? other : plane;
+    const double* given = sources_.explicit_planes[-1 - std::min(plane[0], other[0])];
+    return std::all_of(corners, corners + 3, [&](Index v) { return lies_on(given, sources_.vertices[v]); });
+  }
+
+  bool has_corner(Index head, const Index* plane, Index v) {
+    if (v == plane[0] || v == plane[1] || v == plane[2]) return true;
+    if (!known_.empty() && known_[v] == head) return true;
+    const Points& x = sources_.vertices;
+    if (orientation(x[plane[0]], x[plane[1]], x[plane[2]], x[v]) != 0.0) return false;
+    if (!known_.empty()) known_[v] = head;
+    return true;
+  }
+
+  void grow() {
+    std::vector<Slot> old(4 * slots_.size(), Slot{0, -1});
+    old.swap(slots_);
+    for (const Slot& slot : old) {
+      if (slot.head < 0) continue;
+      std::size_t at = slot.key & (slots_.size() - 1);
+      while (slots_[at].head >= 0) at = (at + 1) & (slots_.size() - 1);
+      slots_[at] = slot;
+    }
+  }
+
+  Points normals_;
+  const PlaneSources& sources_;
+  std::vector<Slot> slots_;   // a power of two of them, at most half of them in use
+  std::vector<Index> known_;  // the last head on whose plane a vertex was found to lie
+  Index size_ = 0;
+};
 
 }  // namespace
 
-// Names for each facet the first one that is exactly coplanar with it and faces the same way.
+// Names for each half-space the first one that is exactly coplanar with it and faces the same way.
 //
-// Rows of `corners` that are negative are never grouped, and nothing is where a coordinate in use is beyond
-// 2**-300 .. 2**300. Facets so thin that their rounded planes differ by more than the window are left alone.
-std::vector<Index> coplanar_groups(Points normals, Doubles offsets, Points vertices, Triangles corners, Stop& stop) {
-  const Index n = offsets.size();
+// Half-spaces on one plane have proportional numbers (a, b, c, d), also modulo a prime, so one key; those of one key
+// are tested exactly. Where all four are multiples of the prime there is no key, and all planes are tried. So every
+// pair is found, in linear time, however many planes are nearly the same. Nothing is grouped where a number in use is
+// beyond 2**-300 .. 2**300.
+std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, Stop& stop) {
+  const Index n = sources.corners.size();
   std::vector<Index> groups(n);
   for (Index i = 0; i < n; ++i) groups[i] = i;
-  if (!within_range(vertices, corners)) return groups;
-  std::vector<Keyed> order;
-  order.reserve(n);
-  for (Index i = 0; i < n; ++i) {
-    if (corners(i, 0) < 0) continue;
-    const double* normal = normals[i];
-    const double along = normal[0] * kDirection[0] + normal[1] * kDirection[1] + normal[2] * kDirection[2];
-    order.push_back({along + kOffsetFactor * offsets[i], i});
-  }
-  // By key, then by facet: a total order.
-  std::sort(order.begin(), order.end(), [&](const Keyed& a, const Keyed& b) {
-    stop.poll();
-    return a.key < b.key || (a.key == b.key && a.facet < b.facet);
-  });
-  std::vector<Keyed> heads;  // the first of each group so far, by key
-  for (const Keyed& next : order) {
-    const Index i = next.facet;
-    stop.poll(8);
-    int tried = 0;
-    for (auto head = heads.rbegin(); head != heads.rend() && tried < kMostTried; ++head, ++tried) {
-      if (!(next.key - head->key <= kWindow)) break;
-      const Index j = head->facet;
-      double gap = std::abs(offsets[i] - offsets[j]);
-      for (int k = 0; k < 3; ++k) gap += std::abs(normals(i, k) - normals(j, k));
-      if (gap <= 4.0 * kWindow && are_coplanar(vertices, corners[j], corners[i])) {
-        groups[i] = j;
-        break;
+  if (!within_range(sources)) return groups;
+  Heads heads(normals, sources);
+  Keys keys;
+  std::vector<Index> odd;
+  for (Index first = 0; first < n; first += kBlock) {
+    const Index last = std::min(n, first + kBlock);
+    stop.poll(8 * (last - first));
+    keys.fill(sources, first, last);
+    for (Index i = first; i < last; ++i) {
+      if (keys[i - first] == kOdd) {
+        odd.push_back(i);
+      } else {
+        groups[i] = heads.head_of(keys[i - first], i);
       }
     }
-    if (groups[i] == i) heads.push_back(next);
   }
-  // Name each group by its first facet, whatever the order of the keys was.
-  std::vector<Index> first(n, n);
-  for (Index i = 0; i < n; ++i) first[groups[i]] = std::min(first[groups[i]], i);
-  for (Index i = 0; i < n; ++i) groups[i] = first[groups[i]];
+  if (odd.empty()) return groups;
+  for (const Index i : odd) {
+    stop.poll(n);
+    groups[i] = heads.head_of_odd(i);
+  }
+  // Those came last, but may be the first of their group.
+  std::vector<Index> least(n, n);
+  for (Index i = 0; i < n; ++i) least[groups[i]] = std::min(least[groups[i]], i);
+  for (Index i = 0; i < n; ++i) groups[i] = least[groups[i]];
   return groups;
 }
 

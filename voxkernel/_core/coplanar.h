@@ -1,4 +1,4 @@
-// Groups of exactly coplanar facets.
+// Groups of exactly coplanar half-spaces.
 #pragma once
 
 #include "spans.h"
@@ -6,6 +6,15 @@
 
 namespace voxkernel {
 
-std::vector<Index> coplanar_groups(Points normals, Doubles offsets, Points vertices, Triangles corners, Stop& stop);
+// Where half-spaces come from: row i of `corners` names three vertices, or (-1 - j, 0, 0) for row j of
+// `explicit_planes`.
+struct PlaneSources {
+  Points vertices;
+  Triangles corners;
+  Rows<const double, 4> explicit_planes;  // n, d as given
+  bool is_cone = false;                   // the planes through vertices were moved to the origin, the given ones not
+};
+
+std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, Stop& stop);
 
 }  // namespace voxkernel

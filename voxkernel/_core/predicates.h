@@ -10,7 +10,8 @@ namespace voxkernel {
 // clockwise.
 double orient3d_exact(const double* a, const double* b, const double* c, const double* d);
 
-// A number of the sign of ((b - a) x (c - a)) . (d - a): positive above the triangle; filtered, then exact.
+// A number of the sign of ((b - a) x (c - a)) . (d - a): positive above the triangle; filtered, then in integers of
+// fixed width where the coordinates lie on one lattice of few bits, and else by the expansions of the above.
 double orientation(const double* a, const double* b, const double* c, const double* d);
 
 }  // namespace voxkernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import coordinate_range, edge_convexity, halfedge_twins
+from voxkernel._core import coordinate_range, edge_convexity
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.zero_area import exact_integers
@@ -18,16 +18,17 @@ def edge_convexity_of(
     faces: NDArray[np.int64],
     face_planes: NDArray[np.int64],
     plane_corners: NDArray[np.int64],
+    *,
+    least: int = 1,
 ) -> int:
-    """Classify the edges of a surface: 2 all strictly convex, 1 convex or flat, 0 otherwise.
+    """Classify the edges of a surface: 2 all strictly convex, 1 convex or flat, 0 otherwise or less than `least`.
 
     Coordinates in use outside 2**-300 .. 2**300 are beyond the exact predicate and give 0.
     """
     low, high, smallest = coordinate_range(vertices, faces)
     if max(np.abs(low).max(), np.abs(high).max()) > 2.0**300 or smallest < 2.0**-300:
         return 0
-    twins = halfedge_twins(faces, len(vertices))
-    return edge_convexity(vertices, faces, twins, face_planes, plane_corners)
+    return edge_convexity(vertices, faces, face_planes, plane_corners, least)
 
 
 def is_locally_convex(mesh: TriangleMesh, halfspaces: HalfSpaces) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxkernel._checks import read_only
 from voxkernel.exact.certificate import certify, certify_unclipped
-from voxkernel.exact.domain_cut import is_bounded, is_cut
+from voxkernel.exact.domain_cut import is_bounded, is_cut, without_domain
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, flat_shape, solid_shape
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
@@ -76,7 +76,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     """Compute the kernel of half-spaces inside a domain (None: everywhere)."""
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
-    unclipped = inside if domain is None else find_feasibility(halfspaces)
+    unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)
     point = unclipped.local_point
     clip: dict[str, Any] = {
         "domain": domain,
@@ -95,7 +95,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     shape = solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
-    cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices)
+    cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
     certificate = certify(planes, inside, shape.corners)
     scale = planes.scale
     volume = shape.volume * scale**3

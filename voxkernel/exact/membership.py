@@ -14,7 +14,7 @@ __all__ = ["points_inside"]
 
 _UNIT = 2.0**-53
 _FAR = 2.0**500  # beyond this squares leave the range of doubles
-_MOST = 1 << 22  # products held at a time
+_MOST = 1 << 19  # products held at a time
 
 
 def points_inside(halfspaces: HalfSpaces, xyz: NDArray[np.float64], first: NDArray[np.bool_]) -> NDArray[np.bool_]:

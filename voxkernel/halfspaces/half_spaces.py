@@ -322,10 +322,11 @@ class HalfSpaces(Frozen):
     def coplanar_groups(self) -> NDArray[np.int64]:
         """Name for each half-space the first exactly coplanar one that faces the same way, (n,).
 
-        Facets so thin that their rounded planes differ are left alone, and so are surfaces with
-        coordinates beyond 2**-300 .. 2**300; merging saves work, no answer depends on it.
+        Every pair is found, facets and explicit half-spaces alike, but for two things: where a number in use is
+        beyond 2**-300 .. 2**300 nothing is grouped, and in a cone no facet is with an explicit half-space.
+        Merging saves work, no answer depends on it.
         """
-        return coplanar_groups(self.local_normals, self.local_offsets, self._vertices, self._corners)
+        return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone)
 
     def merged(self) -> HalfSpaces:
         """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""

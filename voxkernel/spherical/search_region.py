@@ -18,6 +18,7 @@ __all__ = ["N_SPREAD", "Field", "Region", "climb", "kernel_region"]
 _TOLERANCE = 1e-13  # of the kernel's size: rounding of a projection onto its planes
 _ACTIVE = 1e-9  # of the kernel's size: planes this near hold a local optimum
 N_SPREAD = 32
+_BLOCK = 1 << 13  # planes whose products with all rays are held at a time
 _N_CORNERS = 2000
 
 Field = Callable[[NDArray[np.float64]], tuple[float, NDArray[np.float64]]]
@@ -134,9 +135,13 @@ def _spread(
     z, turn = 1.0 - 2.0 * k / N_SPREAD, np.pi * (1.0 + 5.0**0.5) * k
     flat = np.sqrt(1.0 - z * z)
     rays = np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1) @ plane
-    speed = rays @ normals.T
     slack = np.maximum(offsets - normals @ inner, 0.0)
-    time = np.where(speed > 1e-12, slack / np.where(speed > 1e-12, speed, 1.0), np.inf).min(axis=1)
+    time = np.full(len(rays), np.inf)
+    for first in range(0, len(normals), _BLOCK):
+        speed = rays @ normals[first : first + _BLOCK].T
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            leave = np.where(speed > 1e-12, slack[first : first + _BLOCK] / speed, np.inf)
+        time = np.minimum(time, leave.min(axis=1))
     return inner + np.where(np.isfinite(time), time, 0.0)[:, None] * rays
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_depth, as_nonnegative, as_share
 from voxkernel._core import exact_cells
 from voxkernel.exact import kernel_of_halfspaces
-from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
+from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.root_cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
+from voxkernel.voxels.exact_octree import rows_for_voxels
 from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, as_step, relaxed_kernels, still_apart, wrapped
 
@@ -127,47 +128,64 @@ def _exact(surface: SurfaceArgument, domain: Any, axes: NDArray[np.float64], ste
     depth, voxel_size, rtol = step
     halfspaces, mesh, region = surface.halfspaces, surface.mesh, surface.domain(domain, EXACT)
     planes = halfspaces if region is None else halfspaces.with_planes(region.normals, region.offsets)
-    if rtol is None and region is not None:
-        dimension, corners = find_feasibility(planes).dimension, region.vertices
-    elif rtol is None and mesh is not None:
-        dimension, corners = find_feasibility(planes).dimension, mesh.used_vertices
-    else:
-        kernel = kernel_of_halfspaces(halfspaces, region)
-        dimension, corners = kernel.dimension, kernel.vertices
     planes = planes.merged()
+    inside = find_feasibility(planes)
+    if rtol is None and region is not None:
+        corners = region.vertices
+    elif rtol is None and mesh is not None:
+        corners = mesh.used_vertices
+    else:
+        corners = kernel_of_halfspaces(halfspaces, region).vertices
+    octree = _Octree(planes, inside, region)
     if rtol is not None:
-        return _refined(planes, corners, dimension, region, axes, rtol)
+        return _refined(octree, corners, axes, rtol)
     cube, levels = root_cube(corners, axes, depth=depth, voxel_size=voxel_size)
-    return _grid(planes, dimension, region, cube, levels)
+    return _grid(octree, cube, levels)
 
 
-def _grid(
-    planes: HalfSpaces, dimension: int, region: Domain | None, cube: RootCube, depth: int, reason: str = ""
-) -> KernelGrid:
+class _Octree(NamedTuple):
+    """Half-spaces and what is known of their kernel."""
+
+    planes: HalfSpaces
+    inside: Feasibility
+    region: Domain | None
+
+    def cells(self, cube: RootCube, depth: int, count_only: bool) -> tuple[Any, ...]:
+        """Run the compiled loop with the half-spaces that make a difference."""
+        numbers = cube_planes(self.planes, cube, depth)
+        local = cube.edge / self.planes.scale
+        voxel, pad = 2.0**-depth * local, float(numbers[3].max()) * local
+        near = rows_for_voxels(self.planes, self.inside, numbers[2], voxel, pad)
+        if 4 * len(near) < 3 * len(self.planes):
+            return exact_cells(*(part[near] for part in numbers), depth, count_only)
+        return exact_cells(*numbers, depth, count_only)
+
+
+def _grid(octree: _Octree, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
     """Run the octree and wrap its arrays."""
+    dimension, region = octree.inside.dimension, octree.region
     volume = (cube.edge / 2**depth) ** 3
     if dimension < 0:
         nothing = np.empty((0, 3), np.int32), np.empty(0, np.int8), np.empty((0, 3), np.int32)
         masks = np.empty((0, 8), np.uint64), np.empty((0, 8), np.uint64)
         return wrapped(dimension, region, cube, depth, (*nothing, *masks), (0.0, 0.0), "the kernel is empty")
-    *arrays, n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, depth), depth, False)
+    *arrays, n_inside, n_boundary = octree.cells(cube, depth, False)
     bounds = n_inside * volume * (1 - 1e-14), (n_inside + n_boundary) * volume * (1 + 1e-14)
     return wrapped(dimension, region, cube, depth, tuple(arrays), bounds, reason)
 
 
 def _refined(
-    planes: HalfSpaces, corners: NDArray[np.float64], dimension: int, region: Domain | None,
-    axes: NDArray[np.float64], rtol: float,
-) -> KernelGrid:  # fmt: skip
+    octree: _Octree, corners: NDArray[np.float64], axes: NDArray[np.float64], rtol: float
+) -> KernelGrid:
     """Deepen until the bounds agree; the voxels are counted first and stored once."""
     cube, _ = root_cube(corners, axes)
-    if dimension < 3:
-        reason = "" if dimension < 0 else "a kernel without volume has no relative accuracy"
-        return _grid(planes, dimension, region, cube, DEFAULT_DEPTH, reason)
+    if octree.inside.dimension < 3:
+        reason = "" if octree.inside.dimension < 0 else "a kernel without volume has no relative accuracy"
+        return _grid(octree, cube, DEFAULT_DEPTH, reason)
     levels, share = MIN_DEPTH, 1.0
     for levels in range(MIN_DEPTH, RTOL_MAX_DEPTH + 1):
-        n_inside, n_boundary = exact_cells(*cube_planes(planes, cube, levels), levels, True)[5:]
+        n_inside, n_boundary = octree.cells(cube, levels, True)[5:]
         share = n_boundary / (n_inside + n_boundary)
         if share <= rtol:
-            return _grid(planes, dimension, region, cube, levels)
-    return _grid(planes, dimension, region, cube, levels, still_apart(share))
+            return _grid(octree, cube, levels)
+    return _grid(octree, cube, levels, still_apart(share))

@@ -1,0 +1,66 @@
+"""The octree of an exact kernel with the half-spaces that can make a difference to a voxel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import N_BINS, clipped_polyhedron, planes_reaching, tightest_by_direction
+from voxkernel.halfspaces import Feasibility, HalfSpaces
+
+__all__ = ["rows_for_voxels"]
+
+_CULL_ABOVE = 1000
+_FAR = 8.0  # half the cube that closes what is open, in local units: every corner of the surface is within 1
+
+
+def rows_for_voxels(
+    planes: HalfSpaces, inside: Feasibility, reach: NDArray[np.float64], voxel: float, pad: float
+) -> NDArray[np.int64]:
+    """List half-spaces with which the octree finds, bit for bit, what it finds with all of them.
+
+    Parameters
+    ----------
+    planes : HalfSpaces
+        All of them.
+    inside : Feasibility
+        What is known of their common part.
+    reach : (n,) float64
+        |n|_1 along the axes of the voxels.
+    voxel, pad : float
+        Edge of the smallest voxel and largest pad of `cube_planes`, in local units.
+
+    Returns
+    -------
+    (k,) int64
+        Ascending.
+
+    Notes
+    -----
+    Let r be the depth of a point p, Q a polytope around the kernel, and e what the centre of a voxel that no
+    half-space excludes may lie beyond each of them: the reach of a voxel and the pad. Moved towards p by the factor
+    r / (r + e) such a centre lies in the kernel, so in Q. So a half-space that Q, blown up about p by 1 + e / r,
+    passes by no more than the reach of a voxel excludes none that the others leave; and one that keeps clear of Q by
+    more than its pad takes none from the inside.
+    """
+    everything = np.arange(len(planes))
+    point, radius = inside.local_point, 0.999 * inside.clearance
+    if inside.dimension < 3 or point is None or not radius > 0.0 or len(planes) <= _CULL_ABOVE:
+        return everything
+    beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
+    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
+    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
+    tightest_by_direction(*arrays, point, np.inf, ids, slacks)
+    tight = np.unique(np.concatenate([ids[ids >= 0], inside.working_set]))
+    distances = planes.local_offsets[tight] - planes.local_normals[tight] @ point
+    outer, *_, is_closed, is_sound = clipped_polyhedron(planes.local_normals[tight], distances, _FAR)
+    if not (is_closed and is_sound):
+        return everything
+    # The corners are rounded, by far less than the margin.
+    margin = 1e-9 * float(np.abs(outer).max()) + 2.0 * pad
+    is_near = np.zeros(len(planes), np.bool_)
+    is_near[tight] = True
+    is_near[planes_reaching(*arrays, point, outer, margin)[0]] = True
+    farther = arrays[0], arrays[1] + 0.5 * voxel * reach, arrays[2]
+    is_near[planes_reaching(*farther, point, outer * (1.0 + beyond / radius), margin)[0]] = True
+    return np.flatnonzero(is_near)
