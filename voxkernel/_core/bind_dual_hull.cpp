@@ -1,5 +1,6 @@
 #include "bind.h"
 #include "dual_hull.h"
+#include "solid_measures.h"
 
 namespace voxkernel {
 
@@ -27,6 +28,24 @@ void bind_dual_hull(nb::module_& m) {
       "The polytope of half-spaces about a point strictly inside: whether the point is, whether no side of a cube is "
       "left, vertices from the point, three rows of each, a bound on their errors, starts and rings of faces, their "
       "rows, and the number of signs decided in integers.");
+  m.def(
+      "solid_measures",
+      [](Array2<const double, 3> normals, Array1<const double> offsets, Array<const double, 3> center,
+         Array2<const double, 3> vertices, Array1<const Index> start, Array1<const Index> ring,
+         Array1<const Index> rows_) {
+        const SolidMeasures found = without_lock([&](Stop& stop) {
+          return solid_measures(rows(normals), span(offsets), center.data(), rows(vertices), span(start), span(ring),
+                                span(rows_), stop);
+        });
+        return std::make_tuple(found.extent, found.volume, found.area,
+                               to_array(std::vector<double>(found.centroid, found.centroid + 3)),
+                               to_rows<3>(std::vector<double>(found.inertia, found.inertia + 9)),
+                               to_array(std::vector<double>(found.deepest, found.deepest + 3)), found.clearance);
+      },
+      array("normals"), array("offsets"), array("center"), array("vertices"), array("start"), array("ring"),
+      array("rows"),
+      "Extent, volume, area, centroid and second central moment of a convex polyhedron about `center`, the centre of "
+      "a largest ball in it and its radius.");
 }
 
 }  // namespace voxkernel

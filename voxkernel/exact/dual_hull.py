@@ -1,4 +1,4 @@
-"""Solid kernels: cull, take the dual hull, exact to the last face; read off moments."""
+"""Solid kernels: cull, then take the dual hull, exact to the last face."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import frexp
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import N_BINS, dual_hull, moments, planes_reaching, solid_angle, tightest_by_direction
+from voxkernel._core import N_BINS, dual_hull, planes_reaching, solid_angle, tightest_by_direction
 from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
@@ -20,7 +20,6 @@ __all__ = [
     "Reach",
     "convex_surface",
     "polyhedron_around",
-    "polyhedron_moments",
     "reach_of",
     "relevant_rows",
 ]
@@ -153,12 +152,3 @@ def reach_of(planes: HalfSpaces, solid: Polyhedron, *, margin: float = 0.0) -> R
             planes.local_normals, planes.local_offsets, planes.local_errors, solid.center, solid.vertices, margin
         )
     )
-
-
-def polyhedron_moments(
-    solid: Polyhedron,
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-    """Volume, centroid (relative to the centre), second central moment and area, in local units."""
-    volume, first, second, area = moments(solid.vertices, solid.start, solid.ring)
-    centroid = first / volume
-    return volume, centroid, second - volume * np.outer(centroid, centroid), area

@@ -10,13 +10,12 @@ from math import isqrt, lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import deepest_point
+from voxkernel._core import solid_measures
 from voxkernel._frozen import Frozen
 from voxkernel.exact.dual_hull import (
     Polyhedron,
     convex_surface,
     polyhedron_around,
-    polyhedron_moments,
     reach_of,
     relevant_rows,
 )
@@ -35,6 +34,8 @@ _THIN = 1e-4
 _ROUNDING = 1e-8
 # So many half-spaces enter the exact linear program at first.
 _FEW = 24
+# Below this the hull is found sooner than a convex surface is recognised.
+_SMALL = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -56,6 +57,7 @@ class Shape(Frozen):
     inertia: NDArray[np.float64]
     deepest: NDArray[np.float64]
     clearance: float
+    extent: float
     corners: list[RationalPoint]
     residual: float
     rounding: float
@@ -72,11 +74,11 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     """
     point = inner_point(planes, inside)
     rows = relevant_rows(planes, point, inside.working_set)
-    if 2 * len(rows) > len(planes):
+    if 2 * len(rows) > len(planes) > _SMALL:
         convex = convex_surface(planes, point)
         if convex is not None:
             shape = _float_shape(planes, convex, inside)
-            if _is_accurate(shape, convex):
+            if _is_accurate(shape):
                 return shape
     while True:
         solid = polyhedron_around(planes, point, _heads(planes, rows))
@@ -90,18 +92,20 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         else:
             rows = np.arange(len(planes))
     shape = _float_shape(planes, solid, inside)
-    return shape if _is_accurate(shape, solid) else _exact_shape(planes, solid, shape)
+    return shape if _is_accurate(shape) else _exact_shape(planes, solid, shape)
 
 
 def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """List the half-spaces left out that are not clear of all corners."""
+    if len(rows) == len(planes):
+        return rows[:0]
     is_out = np.ones(len(planes), np.bool_)
     is_out[rows] = False
     out = np.flatnonzero(is_out)
     if 2 * len(out) > len(planes):
         near = reach_of(planes, solid, margin=solid.reach).rows
         return near[is_out[near]]
-    return out[reach_of(planes.select(out), solid, margin=solid.reach).rows] if len(out) else out
+    return out[reach_of(planes.select(out), solid, margin=solid.reach).rows]
 
 
 def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -110,29 +114,18 @@ def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[near.coplanar_groups() == np.arange(len(near))]
 
 
-def _is_accurate(shape: Shape, solid: Polyhedron) -> bool:
-    """Whether floating point was enough: no thin kernel, no facet so slender that its plane is blurred."""
-    return shape.clearance >= _THIN * solid.extent and shape.rounding <= _ROUNDING
-
-
-def _deepest(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> tuple[NDArray[np.float64], float]:
-    """Centre and radius of a largest ball between the faces."""
-    normals = planes.local_normals[solid.rows]
-    size = solid.extent
-    # Relative to the centre and to the size, so that a small kernel is solved as well as a large one.
-    offsets = (planes.local_offsets[solid.rows] - normals @ solid.center) / size
-    basis, multipliers, best = np.array([1, 3, 5, 6]), np.zeros(4), np.zeros(4)
-    deepest_point(normals, offsets, np.arange(len(solid.rows)), 2.0, basis, multipliers, best, 1e-14, 2000)
-    clearance = float((offsets - normals @ best[:3]).min()) * size
-    if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
-        return solid.center, inside.clearance
-    return solid.center + size * best[:3], clearance
+def _is_accurate(shape: Shape) -> bool:
+    """Whether floating point was enough: no thin kernel, none that is small beside its rounding."""
+    return shape.clearance >= _THIN * shape.extent and shape.rounding <= _ROUNDING
 
 
 def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> Shape:
     """Measure a polyhedron, every vertex of which is within `reach` of the exact one."""
-    deepest, clearance = _deepest(planes, solid, inside)
-    volume, centroid, inertia, area = polyhedron_moments(solid)
+    extent, volume, area, centroid, inertia, deepest, clearance = solid_measures(
+        planes.local_normals, planes.local_offsets, solid.center, solid.vertices, solid.start, solid.ring, solid.rows
+    )
+    if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
+        deepest, clearance = np.zeros(3), inside.clearance
     # Scaled about the deepest point by 1 + reach / clearance, the exact polyhedron holds the rounded one; by
     # 1 - reach / clearance, it lies inside.
     return Shape(
@@ -145,11 +138,12 @@ def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> 
         area=area,
         centroid=solid.center + centroid,
         inertia=inertia,
-        deepest=deepest,
+        deepest=solid.center + deepest,
         clearance=clearance,
+        extent=extent,
         corners=[],
         residual=solid.reach,
-        rounding=4.0 * solid.reach / clearance + _UNIT * (solid.extent / clearance) ** 2 + 1e-14
+        rounding=4.0 * solid.reach / clearance + _UNIT * (extent / clearance) ** 2 + 1e-14
         if clearance > 0
         else np.inf,
     )
@@ -226,6 +220,7 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         inertia=np.zeros((3, 3)),
         deepest=planes.from_lattice(inside.point),
         clearance=0.0,
+        extent=float(np.abs(vertices).max()),
         corners=corners,
         residual=residual,
         rounding=1e-14,
