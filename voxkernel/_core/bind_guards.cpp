@@ -1,5 +1,6 @@
 #include "bind.h"
 #include "certified_sight.h"
+#include "clearances.h"
 #include "cover_search.h"
 #include "sight_rays.h"
 #include "sight_tree.h"
@@ -62,6 +63,13 @@ void bind_guards(nb::module_& m) {
       },
       nb::arg("tree"), array("points"), array("nearest"), array("distances"), stop_argument(),
       "Fill the nearest point of the triangles, and its distance.");
+  m.def(
+      "clearances",
+      [](const SightTree& tree, Array2<const double, 3> points, Array1<double> distances, StopFlag* stop) {
+        without_lock([&](Stop& s) { clearances(tree, rows(points), span(distances), s); }, stop);
+      },
+      nb::arg("tree"), array("points"), array("distances"), stop_argument(),
+      "Fill a bound from below on the distance of each point from the triangles.");
   m.def(
       "certify_sight",
       [](const SightTree& tree, Array2<const double, 3> points, Array1<const Index> faces, Array1<const Index> order,

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_depth, as_points, as_positive, read_only
-from voxkernel.guards.bound import guard_bound
-from voxkernel.guards.certificate import certified_parts, middles_of
-from voxkernel.guards.clock import Clock, GuardsProgress
-from voxkernel.guards.cover import Cover
-from voxkernel.guards.result import Guards
-from voxkernel.guards.sight import Sight, look_at
+from voxkernel.guarding.bound import guard_bound
+from voxkernel.guarding.certificate import certified_parts, middles_of
+from voxkernel.guarding.clock import Clock, GuardsProgress
+from voxkernel.guarding.cover import Cover
+from voxkernel.guarding.result import Guards
+from voxkernel.guarding.sight import Sight, look_at
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.mesh import MeshLike, TriangleMesh
 from voxkernel.relaxed.best_center import GAP, center_of_planes
@@ -154,7 +154,8 @@ def guards(
     from dataclasses import replace
 
     clock.tell("bound")
-    return replace(result, bound=guard_bound(sight, share, np.random.default_rng([seed, 2]), clock))
+    n_found = len(found.points) if is_reached else 1 << 30
+    return replace(result, bound=guard_bound(sight, share, np.random.default_rng([seed, 2]), clock, n_found))
 
 
 class _Found(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._core import certify_sight
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
-from voxkernel.guards.sight import Sight, Spots
+from voxkernel.guarding.sight import Sight, Spots
 
 __all__ = ["CertifiedParts", "certified_parts"]
 

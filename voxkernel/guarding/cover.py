@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import cover_gains
-from voxkernel.guards.candidates import around, in_sight_of, start_points
-from voxkernel.guards.clock import Clock
-from voxkernel.guards.sight import Sight
+from voxkernel.guarding.candidates import around, in_sight_of, start_points
+from voxkernel.guarding.clock import Clock
+from voxkernel.guarding.sight import Sight
 
 __all__ = ["Cover", "union_of"]
 

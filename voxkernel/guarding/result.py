@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
-from voxkernel.guards.certificate import CertifiedParts
+from voxkernel.guarding.certificate import CertifiedParts
 from voxkernel.mesh import TriangleMesh
 
 __all__ = ["GuardBound", "Guards"]

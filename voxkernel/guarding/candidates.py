@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.guards.sight import Sight, Spots
+from voxkernel.guarding.sight import Sight, Spots
 
 __all__ = ["around", "in_sight_of", "start_points"]
 

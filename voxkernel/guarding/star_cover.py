@@ -14,8 +14,8 @@ from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import KernelPolytope, exact_kernel
 from voxkernel.exact.membership import points_inside
-from voxkernel.guards.colored_ply import piece_color, write_colored_ply
-from voxkernel.guards.result import Guards
+from voxkernel.guarding.colored_ply import piece_color, write_colored_ply
+from voxkernel.guarding.result import Guards
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
