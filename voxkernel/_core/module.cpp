@@ -12,6 +12,7 @@ void bind_convexity(nb::module_& m);
 void bind_dual_hull(nb::module_& m);
 void bind_feasibility(nb::module_& m);
 void bind_grid_query(nb::module_& m);
+void bind_guards(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
@@ -38,6 +39,7 @@ NB_MODULE(_core, m) {
   bind_dual_hull(m);
   bind_feasibility(m);
   bind_grid_query(m);
+  bind_guards(m);
   bind_linear_program(m);
   bind_octree(m);
   bind_planes(m);

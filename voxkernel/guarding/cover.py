@@ -1,0 +1,197 @@
+"""Candidates and samples in, few points that see enough of the samples out: greedy, then exchanged and moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import cover_gains
+from voxkernel.guarding.candidates import around, in_sight_of, start_points
+from voxkernel.guarding.clock import Clock
+from voxkernel.guarding.sight import Sight
+
+__all__ = ["Cover", "union_of"]
+
+_N_SAMPLES = 4096
+_N_START = 700
+_N_AIMED = 48  # unseen samples that new candidates are looked for in sight of
+_N_NEAR = 24  # moves tried for a guard at a time
+_REACH = 0.05  # their size, in diagonals
+_MOST_MOVED = 12  # guards moved in one round
+_ROUNDS = 3
+
+Words = NDArray[np.uint64]
+
+
+def union_of(sets: list[Words], width: int, leave_out: int = -1) -> Words:
+    """Bits that are in any of the sets but one."""
+    whole = np.zeros(width, np.uint64)
+    for i, one in enumerate(sets):
+        if i != leave_out:
+            whole |= one
+    return whole
+
+
+def _gains(sets: Words, left: Words) -> NDArray[np.int64]:
+    found = np.empty(len(sets), np.int64)
+    cover_gains(np.ascontiguousarray(sets).reshape(-1), len(left), left, found)
+    return found
+
+
+def _count(words: Words) -> int:
+    return int(np.bitwise_count(words).sum())
+
+
+class Cover:
+    """The search on one body: its samples, candidates, and the guards so far."""
+
+    def __init__(
+        self,
+        sight: Sight,
+        faces: NDArray[np.int64],
+        first: NDArray[np.float64],
+        given: NDArray[np.float64] | None,
+        distance: float,
+        rng: np.random.Generator,
+        clock: Clock,
+    ) -> None:
+        self.sight, self.distance, self.rng, self.clock = sight, distance, rng, clock
+        self.may_move = given is None
+        self.spots = sight.samples(_N_SAMPLES, rng, faces)
+        self.width = -(-_N_SAMPLES // 64)
+        points = first
+        if given is None:
+            points = np.concatenate([first, start_points(sight, faces, _N_START, distance, rng)])
+        else:
+            points = given
+        self.candidates = points
+        self.sets = self._seen_by(points)
+        self.points: list[NDArray[np.float64]] = []
+        self.seen: list[Words] = []
+
+    def _seen_by(self, points: NDArray[np.float64]) -> Words:
+        """In chunks, so that a time limit is kept: what was not looked at sees nothing."""
+        rows = np.zeros((len(points), self.width), np.uint64)
+        for start in range(0, len(points), 32):
+            if start and self.clock.is_over:
+                break
+            rows[start : start + 32] = self.sight.sets_seen(points[start : start + 32], self.spots)
+        return rows
+
+    @property
+    def share(self) -> float:
+        """Share of the samples that the guards see."""
+        return _count(union_of(self.seen, self.width)) / len(self.spots)
+
+    def run(self, coverage: float, most: int, is_confirmed: Callable[[list[NDArray[np.float64]]], float]) -> str:
+        """Add guards until `is_confirmed`, the share of fresh samples they see, is enough; say why if it is not."""
+        need = ceil(coverage * len(self.spots))
+        while True:
+            while _count(union_of(self.seen, self.width)) < need:
+                if len(self.points) >= most:
+                    return "max_guards"
+                if self.clock.is_over:
+                    return "time limit"
+                if not self._add():
+                    return "no point sees more"
+                self._improve(need)
+                self.clock.tell("search", len(self.points), self.share)
+            self._drop(need)
+            self.clock.tell("confirm", len(self.points), self.share)
+            short = coverage - is_confirmed(self.points)
+            if short <= 0.0:
+                return ""
+            if need == len(self.spots):
+                self._refresh()
+            # What is fitted to the samples flatters: ask for more of them.
+            reached = _count(union_of(self.seen, self.width))
+            need = min(len(self.spots), max(need + 1, reached + ceil(0.5 * short * len(self.spots))))
+            if self.may_move:
+                self._improve(need)
+
+    def _refresh(self) -> None:
+        """Draw other samples: all of these are seen, but the surface is not."""
+        self.spots = self.sight.samples(_N_SAMPLES, self.rng, np.unique(self.faces))
+        self.sets = self._seen_by(self.candidates)
+        self.seen = list(self.sight.sets_seen(np.array(self.points), self.spots)) if self.points else []
+
+    @property
+    def faces(self) -> NDArray[np.int64]:
+        """Faces that have samples."""
+        return self.spots.faces
+
+    def _add(self) -> bool:
+        """Take the candidate that sees the most of what is left, new ones in sight of it among them."""
+        left = ~union_of(self.seen, self.width)
+        if self.points and self.may_move:
+            self._aim(left)
+        gains = _gains(self.sets, left)
+        if not len(gains) or gains.max() == 0:
+            return False
+        best = int(gains.argmax())
+        self.points.append(self.candidates[best])
+        self.seen.append(self.sets[best])
+        return True
+
+    def _aim(self, left: Words) -> None:
+        ids = np.flatnonzero(np.unpackbits(left.view(np.uint8), bitorder="little")[: len(self.spots)])
+        if not len(ids):
+            return
+        ids = self.rng.choice(ids, min(len(ids), _N_AIMED), replace=False)
+        points = in_sight_of(self.sight, self.spots.some(ids), 3, self.distance, self.rng)
+        if len(points):
+            self.candidates = np.concatenate([self.candidates, points])
+            self.sets = np.concatenate([self.sets, self._seen_by(points)])
+
+    def _improve(self, need: int, rounds: int = _ROUNDS) -> None:
+        """Exchange or move one guard at a time, where that gains samples."""
+        for r in range(rounds):
+            moved = False
+            order = np.arange(len(self.points))
+            if len(order) > _MOST_MOVED:
+                order = self.rng.choice(order, _MOST_MOVED, replace=False)
+            for i in order:
+                if self.clock.is_over or _count(union_of(self.seen, self.width)) >= need:
+                    return
+                moved |= self._move(int(i), _REACH * 0.5**r)
+            if not moved:
+                return
+
+    def _move(self, i: int, reach: float) -> bool:
+        left = ~union_of(self.seen, self.width, leave_out=i)
+        now = _count(self.seen[i] & left)
+        gains = _gains(self.sets, left)
+        best = int(gains.argmax())
+        point, bits, most = self.points[i], self.seen[i], now
+        if gains[best] > now:
+            point, bits, most = self.candidates[best], self.sets[best], int(gains[best])
+        if self.may_move:
+            near = around(
+                self.sight, point, reach * self.sight.diagonal, _N_NEAR, self.distance, self.rng
+            )
+            ids = np.flatnonzero(np.unpackbits(left.view(np.uint8), bitorder="little")[: len(self.spots)])
+            if len(near) and len(ids):
+                some = self.spots.some(ids)
+                sums = np.bitwise_count(self.sight.sets_seen(near, some)).sum(axis=1)
+                if int(sums.max()) > most:
+                    point = near[int(sums.argmax())]
+                    bits, most = self.sight.sets_seen(point[None], self.spots)[0], int(sums.max())
+        if most <= now:
+            return False
+        self.points[i], self.seen[i] = point, bits
+        return True
+
+    def _drop(self, need: int) -> None:
+        """Leave one guard out as long as the others, moved, still see enough."""
+        while len(self.points) > 1 and not self.clock.is_over:
+            losses = [_count(s & ~union_of(self.seen, self.width, leave_out=i)) for i, s in enumerate(self.seen)]
+            kept = list(self.points), list(self.seen)
+            i = int(np.argmin(losses))
+            del self.points[i], self.seen[i]
+            self._improve(need, _ROUNDS + 2)
+            if _count(union_of(self.seen, self.width)) < need:
+                self.points, self.seen = kept
+                return

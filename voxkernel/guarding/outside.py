@@ -1,0 +1,86 @@
+"""How far points outside of a closed surface are from it, on a grid; each distance a bound from below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import cells_may_see, clearances
+from voxkernel._threads import run_parts
+from voxkernel.guarding.sight import Sight, Spots
+
+__all__ = ["OutsideGrid", "outside_grid"]
+
+_MARGIN = 3  # nodes around the bounding box
+
+
+@dataclass(frozen=True, eq=False)
+class OutsideGrid:
+    """Nodes that are outside for certain have a distance, all others 0.
+
+    `slack` is far above the rounding of the few dozen operations, on numbers of the size of the coordinates and of the
+    surface, by which distances and places are compared: 1e-12 of these, where 1e-14 would do.
+    """
+
+    distances: NDArray[np.float64]
+    low: NDArray[np.float64]
+    step: float
+    slack: float
+
+    def may_see(
+        self, sight: Sight, centers: NDArray[np.float64], halves: NDArray[np.float64], parents: NDArray[np.int64],
+        before: NDArray[np.bool_], spots: Spots,
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Whether a cell may hold a point that sees a spot; what its parent cannot see, it cannot."""
+        n = len(spots)
+        found = np.zeros((len(centers), n), np.bool_)
+        normals = np.ascontiguousarray(sight.normals[spots.faces])
+        parts = np.array_split(np.arange(len(centers)), max(1, min(sight.threads, len(centers))))
+        inherited = np.ascontiguousarray(before).reshape(-1)
+
+        def work(ids: NDArray[np.int64], stop: Any) -> None:
+            if len(ids):
+                rows = found[ids[0] : ids[-1] + 1].reshape(-1)
+                cells_may_see(
+                    self.distances, self.low, self.step, np.ascontiguousarray(centers[ids]),
+                    np.ascontiguousarray(halves[ids]), np.ascontiguousarray(parents[ids]), inherited, spots.places,
+                    normals, self.slack, rows, stop,
+                )  # fmt: skip
+
+        run_parts(work, parts, sight.threads)
+        return found
+
+
+def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
+    """Measure distances at the nodes of a grid and flood it from its border.
+
+    Two neighbours are on one side of the surface where one of them is farther from it than they are apart. So what the
+    flood reaches is outside for certain; narrow gaps and hollows are not reached, and hide nothing.
+    """
+    from scipy.ndimage import binary_dilation, label
+
+    size = float((sight.high - sight.low).max())
+    step = size / resolution
+    shape = np.ceil((sight.high - sight.low) / step).astype(np.int64) + 2 * _MARGIN + 1
+    low = sight.low - _MARGIN * step
+    axes = [a + step * np.arange(n) for a, n in zip(low, shape, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    slack = 1e-12 * (float(np.abs(nodes).max()) + sight.diagonal)
+    found = np.empty(len(nodes))
+    parts = np.array_split(np.arange(len(nodes)), sight.threads)
+
+    def work(ids: NDArray[np.int64], stop: Any) -> None:
+        clearances(sight.tree, np.ascontiguousarray(nodes[ids]), found[ids[0] : ids[-1] + 1], stop)
+
+    run_parts(work, parts, sight.threads)
+    distances = np.maximum(found - slack, 0.0).reshape(shape)
+    free = distances > step + slack
+    labels, _ = label(free)
+    border = np.ones(tuple(shape), np.bool_)
+    border[1:-1, 1:-1, 1:-1] = False
+    reached = np.isin(labels, np.unique(labels[border & free])) & free
+    outside = binary_dilation(reached) | reached
+    return OutsideGrid(np.where(outside, distances, 0.0), np.ascontiguousarray(low), step, slack)
