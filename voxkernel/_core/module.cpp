@@ -11,6 +11,7 @@ void bind_cells(nb::module_& m);
 void bind_convexity(nb::module_& m);
 void bind_feasibility(nb::module_& m);
 void bind_grid_query(nb::module_& m);
+void bind_labels(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
@@ -36,6 +37,7 @@ NB_MODULE(_core, m) {
   bind_convexity(m);
   bind_feasibility(m);
   bind_grid_query(m);
+  bind_labels(m);
   bind_linear_program(m);
   bind_octree(m);
   bind_planes(m);
