@@ -1,0 +1,23 @@
+"""A label image in, one row per object out: is it star-convex, from where, and why not."""
+
+from voxkernel.labels.image_files import read_labels
+from voxkernel.labels.label_image import LabelImage
+from voxkernel.labels.label_stars import label_stars
+from voxkernel.labels.label_table import LabelStars
+from voxkernel.labels.objects import LabelObjects, find_objects
+from voxkernel.labels.painting import paint_labels
+from voxkernel.labels.star_polyhedra import StarKernels, star_polyhedra_kernels
+from voxkernel.labels.write_labels import write_labels
+
+__all__ = [
+    "LabelImage",
+    "LabelObjects",
+    "LabelStars",
+    "StarKernels",
+    "find_objects",
+    "label_stars",
+    "paint_labels",
+    "read_labels",
+    "star_polyhedra_kernels",
+    "write_labels",
+]
