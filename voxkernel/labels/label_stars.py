@@ -35,6 +35,7 @@ def label_stars(
     ids: Sequence[int] | None = None,
     threads: int = 1,
     most_steps: int = 200_000_000,
+    objects: LabelObjects | None = None,
 ) -> LabelStars:
     """Tell of every object of a label image whether it is star-convex, from where, and what it would take.
 
@@ -56,6 +57,9 @@ def label_stars(
     most_steps : int
         Voxels that may be looked at to certify the best one of an object of more than 6,000 voxels, >= 0; 200 million
         take about a second. Smaller objects are always certified.
+
+    objects : LabelObjects, optional
+        What `find_objects` has found in this image, to look at some of its objects at a time.
 
     Returns
     -------
@@ -89,9 +93,9 @@ def label_stars(
     counts = as_ray_counts(n_rays, len(image.shape))
     n_threads = as_depth("threads", threads, 1, 256)
     frame = frame_of(image, counts, as_depth("most_steps", most_steps, 0, 2**62))
-    objects = find_objects(image, threads=n_threads)
-    chosen = np.arange(len(objects)) if ids is None else _chosen(objects, ids)
-    return stars_of(image, objects, chosen, frame, counts, surface=bool(surface), threads=n_threads)
+    found = find_objects(image, threads=n_threads) if objects is None else objects
+    chosen = np.arange(len(found)) if ids is None else _chosen(found, ids)
+    return stars_of(image, found, chosen, frame, counts, surface=bool(surface), threads=n_threads)
 
 
 def as_image(labels: Any, spacing: Sequence[float] | None) -> LabelImage:
