@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_each, as_integers, as_positive
 from voxkernel._frozen import Frozen
+from voxkernel.errors import GridReadError
 from voxkernel.labels.voxel_values import as_label_values, check_label_type
 
 __all__ = ["LabelImage", "as_spacing", "block_boxes"]
@@ -55,7 +56,13 @@ class _Chunks:
             box = tuple(
                 slice(p * e, min((p + 1) * e, n)) for p, e, n in zip(place, self.edges, self.shape, strict=True)
             )
-            chunk = self.kept[place] = np.asarray(self.read(box))
+            try:
+                chunk = np.asarray(self.read(box))
+            except Exception as error:  # every library has its own for a damaged file
+                words = " ".join(str(error).split())[:200]
+                where = tuple(s.start for s in box)
+                raise GridReadError(f"`labels` cannot be read at {where}: {type(error).__name__}: {words}") from error
+            self.kept[place] = chunk
             self.size += chunk.nbytes
             while self.size > _CACHE_BYTES and len(self.kept) > 1:
                 self.size -= self.kept.popitem(last=False)[1].nbytes

@@ -18,7 +18,7 @@ from voxkernel.labels.label_image import LabelImage, as_spacing
 from voxkernel.labels.label_surface import SurfaceRow, surface_row
 from voxkernel.labels.label_table import LabelStars, rays_needed, reason_of
 from voxkernel.labels.objects import LabelObjects, crop_of, find_objects
-from voxkernel.labels.one_object import Frame, ObjectRow, object_row
+from voxkernel.labels.one_object import ImageFrame, ObjectRow, object_row
 from voxkernel.labels.ray_sets import ray_set
 
 __all__ = ["as_image", "as_ray_counts", "frame_of", "label_stars", "stars_of"]
@@ -121,15 +121,15 @@ def as_ray_counts(n_rays: Sequence[int], n_axes: int) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def frame_of(image: LabelImage, counts: tuple[int, ...], most_steps: int) -> Frame:
+def frame_of(image: LabelImage, counts: tuple[int, ...], most_steps: int) -> ImageFrame:
     """What all objects have in common."""
     shape, spacing = ((1, *image.shape), (1.0, *image.spacing)) if image.is_flat else (image.shape, image.spacing)
     rays = tuple(ray_set(n, image.spacing) for n in counts)
-    return Frame(shape, spacing, image.is_flat, rays, most_steps)  # pyright: ignore[reportArgumentType]
+    return ImageFrame(shape, spacing, image.is_flat, rays, most_steps)  # pyright: ignore[reportArgumentType]
 
 
 def stars_of(
-    image: LabelImage, objects: LabelObjects, chosen: NDArray[np.int64], frame: Frame, counts: tuple[int, ...], *,
+    image: LabelImage, objects: LabelObjects, chosen: NDArray[np.int64], frame: ImageFrame, counts: tuple[int, ...], *,
     surface: bool, threads: int,
 ) -> LabelStars:  # fmt: skip
     """Work on the chosen objects, in the order of their place, so that a chunk of a file is unpacked once."""

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, ray_lengths, squared_depths, visible_count
 from voxkernel.labels.ray_sets import RaySet
 
-__all__ = ["Frame", "ObjectRow", "object_row", "position_of"]
+__all__ = ["ImageFrame", "ObjectRow", "object_row", "position_of"]
 
 ALWAYS = 6000  # voxels of an object whose best voxel is always certified
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class ImageFrame:
     """What all objects of an image have in common; always three axes, the first of length 1 for a flat image."""
 
     shape: tuple[int, int, int]
@@ -46,7 +46,7 @@ class ObjectRow:
     iou_stepped: tuple[float, ...]
 
 
-def object_row(crop: NDArray[np.uint8], low: Sequence[int], frame: Frame, stop: StopFlag | None = None) -> ObjectRow:
+def object_row(crop: NDArray[np.uint8], low: Sequence[int], frame: ImageFrame, stop: StopFlag | None = None) -> ObjectRow:
     """Work on a crop with a layer of background around; `low` is the first voxel of the object's box."""
     flat, n = frame.is_flat, int(np.count_nonzero(crop))
     depths = np.empty(crop.shape)
@@ -79,7 +79,7 @@ def position_of(voxel: int, shape: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array(np.unravel_index(voxel, shape), dtype=np.int64)
 
 
-def _moments(crop: NDArray[np.uint8], frame: Frame) -> tuple[NDArray[np.int64], float]:
+def _moments(crop: NDArray[np.uint8], frame: ImageFrame) -> tuple[NDArray[np.int64], float]:
     """The centroid cut to integers, and the ratio of the largest to the smallest standard deviation in the world.
 
     Voxels count as boxes, so that a flat or a straight row of them has a thickness.
@@ -103,7 +103,7 @@ def _moments(crop: NDArray[np.uint8], frame: Frame) -> tuple[NDArray[np.int64], 
 
 
 def _overlaps(
-    crop: NDArray[np.uint8], center: NDArray[np.int64], offset: NDArray[np.int64], n: int, frame: Frame,
+    crop: NDArray[np.uint8], center: NDArray[np.int64], offset: NDArray[np.int64], n: int, frame: ImageFrame,
     stop: StopFlag | None,
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:  # fmt: skip
     """Overlap of the object with the body that rays from the centre span, for both ways to end a ray."""

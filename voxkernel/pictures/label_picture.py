@@ -13,6 +13,7 @@ from voxkernel.labels import LabelImage, LabelStars
 from voxkernel.labels.label_surface import surface_of
 from voxkernel.labels.objects import LabelObjects, crop_of
 from voxkernel.labels.painting import CENTER, HIDDEN, seen_from
+from voxkernel.pictures.png import _silent_vtk as silent_vtk
 
 __all__ = ["label_picture"]
 
@@ -31,6 +32,7 @@ def label_picture(image: LabelImage, stars: LabelStars, i: int) -> bytes:
     for k, axis in enumerate((0,) if image.is_flat else (0, 1, 2)):
         across = [a for a in range(3) if a != axis]
         panel = _fitted(pil, _projection(seen, axis), (spacing[across[0]], spacing[across[1]]))
+        _mark(panel, np.argwhere((seen == CENTER).any(axis=axis))[0] + 0.5, seen.any(axis=axis).shape)
         page.paste(panel, ((k % 2) * _PANEL[0] + (_PANEL[0] - panel.width) // 2,
                            (k // 2) * _PANEL[1] + (_PANEL[1] - panel.height) // 2))  # fmt: skip
     if not image.is_flat:
@@ -47,7 +49,6 @@ def _projection(seen: NDArray[np.uint8], axis: int) -> NDArray[np.uint8]:
     strength = (0.35 + 0.65 * depth / max(depth.max(), 1.0))[..., None] * (depth > 0)[..., None]
     colour = np.array(_SEEN) * (1 - hidden[..., None]) + np.array(_HIDDEN) * hidden[..., None]
     picture = 255 - strength * (255 - colour)
-    picture[(seen == CENTER).any(axis=axis)] = _MARK
     return picture.round().astype(np.uint8)
 
 
@@ -59,6 +60,12 @@ def _fitted(pil: Any, picture: NDArray[np.uint8], spacing: tuple[float, float]) 
     return pil.fromarray(picture).resize(size, pil.Resampling.NEAREST)
 
 
+def _mark(panel: Any, at: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+    """Put a disc where the best centre is."""
+    x, y = at[1] / shape[1] * panel.width, at[0] / shape[0] * panel.height
+    optional("PIL.ImageDraw").Draw(panel).ellipse((x - 4, y - 4, x + 4, y + 4), fill=_MARK, outline=(30, 40, 50))
+
+
 def _surface(pil: Any, crop: NDArray[np.uint8], seen: NDArray[np.uint8], spacing: tuple[float, ...]) -> Any:
     pyvista = optional("pyvista")
     first, second, third = spacing
@@ -68,13 +75,16 @@ def _surface(pil: Any, crop: NDArray[np.uint8], seen: NDArray[np.uint8], spacing
     near = np.stack([seen[tuple((at + step).T)] for step in _NEAR])  # the surface runs between voxels
     is_hidden = (near == HIDDEN).any(axis=0) & ~(near > HIDDEN).any(axis=0)
     poly.point_data["colour"] = np.where(is_hidden[:, None], np.array(_HIDDEN), np.array(_SEEN)).astype(np.uint8)
-    plotter = pyvista.Plotter(off_screen=True, window_size=_PANEL)
-    plotter.set_background("white")
-    plotter.add_mesh(poly, scalars="colour", rgb=True, smooth_shading=False)
-    plotter.view_isometric()
-    picture = plotter.screenshot(return_img=True)
-    plotter.close()
-    return pil.fromarray(np.asarray(picture)[..., :3])
+    with silent_vtk():
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(_PANEL))
+        try:
+            plotter.set_background("white")
+            plotter.add_mesh(poly, scalars="colour", rgb=True, smooth_shading=False)
+            plotter.view_isometric()
+            picture = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+        finally:
+            plotter.close()
+    return pil.fromarray(picture)
 
 
 _NEAR = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
