@@ -21,7 +21,7 @@ from voxkernel.grid import to_pyvista_image
 from voxkernel.pictures import surface_picture
 
 ROOT = Path(__file__).resolve().parent.parent
-INSTALLED_AS = {"PIL": "pillow", "vtkmodules": "pyvista", "distributed": "dask"}
+INSTALLED_AS = {"PIL": "pillow", "vtkmodules": "pyvista", "distributed": "dask", "nrrd": "pynrrd"}
 ALSO = {"libusb-package"}  # for Open3D alone, which may not need it
 
 

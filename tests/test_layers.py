@@ -30,6 +30,7 @@ FOLDERS = {
     "spherical": None,
     "registration": None,
     "polyhedral": None,
+    "labels": None,
     "pictures": None,
     "run_table": "",
     "evaluation": None,
@@ -43,6 +44,7 @@ MOST_LINES = 500
 HEAVY = {
     "open3d", "pymeshlab", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
     "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package", "asyncio",
+    "tifffile", "nibabel", "nrrd", "h5py", "zarr",
 }  # fmt: skip
 # Packages of extras are imported by `optional`; the child of `mesh` that reads files by PyMeshLab knows nothing of it.
 MAY_IMPORT = {"mesh.meshlab_child": {"pymeshlab"}}

@@ -15,7 +15,10 @@ EXTRAS = {
     "dask": "datasets",
     "distributed": "datasets",
     "fsspec": "datasets",
+    "h5py": "labels",
     "jinja2": "datasets",
+    "nibabel": "labels",
+    "nrrd": "labels",
     "open3d": "registration",
     "PIL": "pictures",
     "plotly": "pictures",
@@ -23,7 +26,9 @@ EXTRAS = {
     "pymeshlab": "repair",
     "pyvista": "pictures",
     "rich": "datasets",
+    "tifffile": "labels",
     "vtkmodules": "pictures",
+    "zarr": "labels",
 }
 
 

@@ -23,11 +23,14 @@ __all__ = [
 ]  # fmt: skip
 
 # Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
-# null. `cell` is null for a surface; the star centre is where the violation is smallest, the centre where the kernel is
+# null. A row is a surface, a cell of a polyhedral mesh, or an object of a label image, as `kind` says: "surface",
+# "cell" or "label" (null in runs of earlier versions and where a file failed). `cell` is null but for a cell, `object`
+# (its number in the image) but for an object; the star centre is where the violation is smallest, the centre where the kernel is
 # deepest. Lengths are in mesh units, shares of the area or of a volume in [0, 1].
 COLUMNS = {
     # which shape, and what came of it
-    "file": "string", "cell": "int64", "label": "string", "status": "string", "reason": "string",
+    "file": "string", "kind": "string", "cell": "int64", "object": "int64", "label": "string", "status": "string",
+    "reason": "string",
     # the kernel
     "verdict": "string", "verdict_reason": "string", "dimension": "int64", "ratio": "double", "volume": "double",
     "volume_lower": "double", "volume_upper": "double", "reference": "string", "reference_volume": "double",
@@ -40,6 +43,13 @@ COLUMNS = {
     "visible_fraction": "double", "visible_lower": "double", "visible_upper": "double", "energies": "list<double>",
     # of cells only
     "inradius": "double", "volume_share": "double", "inradius_over_diameter": "double",
+    # of objects of a label image only; positions and spacing in the order of its axes
+    "n_objects": "int64", "voxels": "int64", "spacing": "list<double>", "box_low": "list<int64>",
+    "box_high": "list<int64>", "n_fragments": "int64", "n_holes": "int64", "hole_voxels": "int64",
+    "touches_border": "bool", "elongation": "double", "voxels_seen": "double", "voxels_seen_upper": "double",
+    "center_index": "list<int64>", "center_world": "list<double>", "seen_deepest": "double", "seen_centroid": "double",
+    "n_rays": "list<int64>", "iou": "list<double>", "iou_stepped": "list<double>", "rays_for_80": "int64",
+    "rays_for_90": "int64", "shortfall": "string",
     # the proof
     "certificate_kind": "string", "certificate_facets": "list<int64>", "certificate_verified": "bool",
     "notes": "list<string>",
@@ -126,7 +136,7 @@ def part_names(fs: Any, run_path: str) -> list[str]:
 
 
 def read_parts(fs: Any, names: Iterable[str]) -> Any:
-    """Read parts into one table: the latest row of each key, sorted by file and cell.
+    """Read parts into one table: the latest row of each key, sorted by file, cell and object.
 
     A later part counts, whatever it says; a file computed again replaces all its earlier rows. The rows of one
     computation share the time it finished.
@@ -136,13 +146,13 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
     empty = schema().empty_table()
     whole = pa.concat_tables([empty, *tables]).combine_chunks()
     files = whole.column("file").to_pylist()
-    cells = whole.column("cell").to_pylist()
+    cells, objects = whole.column("cell").to_pylist(), whole.column("object").to_pylist()
     versions = list(zip(whole.column("content_hash").to_pylist(), whole.column("settings_hash").to_pylist(),
                         whole.column("finished").to_pylist(), strict=True))  # fmt: skip
     current = dict(zip(files, versions, strict=True))
     latest = {
-        (file, -1 if cell is None else cell): i
-        for i, (file, cell, version) in enumerate(zip(files, cells, versions, strict=True))
+        (file, -1 if cell is None else cell, -1 if number is None else number): i
+        for i, (file, cell, number, version) in enumerate(zip(files, cells, objects, versions, strict=True))
         if current[file] == version
     }
     return whole.take(pa.array([latest[key] for key in sorted(latest)], pa.int64()))
@@ -176,7 +186,7 @@ def read_rows(run: str) -> Any:
     Returns
     -------
     pyarrow.Table
-        Columns of `schema`; the latest row per file and cell, sorted by them.
+        Columns of `schema`; the latest row per file, cell and object, sorted by them.
     """
     fs, path = open_run(run)
     for _ in range(10):

@@ -13,6 +13,7 @@ void bind_dual_hull(nb::module_& m);
 void bind_feasibility(nb::module_& m);
 void bind_grid_query(nb::module_& m);
 void bind_guards(nb::module_& m);
+void bind_labels(nb::module_& m);
 void bind_linear_program(nb::module_& m);
 void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
@@ -40,6 +41,7 @@ NB_MODULE(_core, m) {
   bind_feasibility(m);
   bind_grid_query(m);
   bind_guards(m);
+  bind_labels(m);
   bind_linear_program(m);
   bind_octree(m);
   bind_planes(m);

@@ -34,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     row.add_argument("--profile", action="store_true", help="defect profile for 26 tolerances, 0 to 0.5")
     row.add_argument("--visible", action="store_true", help="cast rays: how much is visible from the star centre")
     row.add_argument("--energies", type=int, metavar="L", help="spherical-harmonic energies up to this degree")
+    row.add_argument("--label-images", action="store_true", help="take label images of folders and globs, too")
     row.add_argument("--labels", metavar="CSV", help="columns file,label; or the word 'folders'")
+    add_label_arguments(parser)
     pictures = parser.add_argument_group("for a report")
     pictures.add_argument("--thumbnails", action="store_true", help="draw every surface with its kernel")
     pictures.add_argument(
@@ -49,6 +51,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     engine.add_argument("--memory-limit", metavar="SIZE", help="memory of one process, such as 4GB")
     engine.add_argument("--retry-failed", action="store_true", help="try again what failed in an earlier run")
+
+
+def add_label_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what is asked about label images."""
+    image = parser.add_argument_group("label images (.tif, .nii, .nrrd, .npy, .h5, .zarr): one row per object")
+    image.add_argument("--spacing", metavar="Z,Y,X", help="distance of voxel centres along each axis of the file")
+    image.add_argument("--rays", default="32,64,96,128,256", metavar="N,M", help="numbers of rays to try")
+    image.add_argument("--surface", action="store_true", help="also measure a smoothed surface of each object")
+
+
+def label_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Settings of label images."""
+    try:
+        spacing = None if args.spacing is None else [float(v) for v in args.spacing.split(",")]
+        rays = [int(v) for v in args.rays.split(",")]
+    except ValueError:
+        wrong = display(f"{args.spacing or ''} {args.rays}".strip())
+        raise UsageError(f"--spacing and --rays must be numbers with commas between; got '{wrong}'") from None
+    return {"spacing": spacing, "n_rays": rays, "surface": args.surface}
 
 
 def run(args: argparse.Namespace) -> int:
@@ -81,7 +102,7 @@ def _settings(args: argparse.Namespace) -> Any:
 
     if args.profile and args.tolerances is not None:
         raise UsageError("--profile and --tolerances must not be given together")
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {**label_options(args), "label_images": args.label_images}
     if args.profile:
         options["tolerances"] = PROFILE_TOLERANCES
     try:

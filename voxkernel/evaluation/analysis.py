@@ -11,6 +11,7 @@ import numpy as np
 
 from voxkernel._plain import plain
 from voxkernel.evaluation.settings import EvaluateSettings
+from voxkernel.labels import is_label_file
 from voxkernel.measures import Starshapeness, defect_profile, starshapeness
 from voxkernel.mesh import MeshFacts, TriangleMesh, as_mesh
 
@@ -27,8 +28,10 @@ class Analysis:
     files: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
 
 
-def analyse(path: str, settings: EvaluateSettings, *, name: str, view: bool = False) -> Analysis:
-    """Compute the row of a surface, or one row per cell of a polyhedral mesh.
+def analyse(
+    path: str, settings: EvaluateSettings, *, name: str, view: bool = False, part: tuple[int, int] | None = None
+) -> Analysis:
+    """Compute the row of a surface, or one row per cell of a polyhedral mesh or per object of a label image.
 
     Parameters
     ----------
@@ -40,18 +43,25 @@ def analyse(path: str, settings: EvaluateSettings, *, name: str, view: bool = Fa
         Of the picture files, without folder and suffix.
     view : bool
         Whether to simplify the surface for an interactive view.
+    part : (int, int), optional
+        Of a label image: the first of its objects to look at and one behind the last, in the order of their labels.
 
     Returns
     -------
     Analysis
         Columns of the table but for those that name the run.
     """
+    if is_label_file(path):
+        from voxkernel.evaluation.label_rows import label_rows
+
+        rows, files = label_rows(path, settings, name=name, part=part)
+        return Analysis(rows, files)
     cells = _cells_of(path)
     if cells is not None:
         return cells
     clock = _Clock()
     mesh = as_mesh(path)
-    row = _of_facts(mesh.facts())
+    row = {"kind": "surface", **_of_facts(mesh.facts())}
     row["seconds_read"] = clock.lap()
     score = starshapeness(mesh, domain=settings.domain, gap=settings.gap)
     row |= _of_score(score)
@@ -177,6 +187,7 @@ def _cells_of(path: str) -> Analysis | None:
     rows = kernels.to_rows()
     for row, volume, diameter in zip(rows, kernels.volume.tolist(), kernels.diameter.tolist(), strict=True):
         row |= {
+            "kind": "cell",
             "enclosed_volume": plain(volume),
             "diagonal": plain(diameter),
             "seconds_read": seconds_read / len(rows),

@@ -14,6 +14,7 @@ from voxkernel._extras import check_installed
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
+from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.evaluation.inputs import BadInput, Item, content_hash, count_suffixes, find_items, labelled, read_labels
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.run_lock import locked_run
@@ -35,7 +36,7 @@ class EvaluationResult:
     run : str
         The run directory or URL.
     n_rows : int
-        Rows of the meshes given; a polyhedral mesh has one per cell.
+        Rows of the meshes given; a polyhedral mesh has one per cell, a label image one per object.
     n_ok, n_failed, n_reused : int
         Meshes evaluated, meshes that failed (both counted whether now or in an earlier run), and meshes whose
         rows are from an earlier run.
@@ -63,7 +64,7 @@ class EvaluationResult:
         )
 
     def table(self) -> Any:
-        """Read the table: a `pyarrow.Table` with one row per mesh or cell, sorted by file and cell."""
+        """Read the table: a `pyarrow.Table` with one row per mesh, cell or object, sorted by these."""
         return run_table.read_rows(self.run)
 
 
@@ -82,7 +83,8 @@ def evaluate(
     paths : path, glob, URL, or several
         Mesh files, folders (searched with all folders in them), globs, and fsspec URLs such as ``s3://...``. A
         polyhedral mesh gives one row per cell: ``.hedra``, ``.mesh``, ``.vtu``, or a folder of numbered files that
-        is called something with "cells" at the end.
+        is called something with "cells" at the end. A label image gives one row per object (`read_labels`); its objects
+        are shared out among the workers.
     output : path or URL
         Directory of the run. If it holds an earlier run, that is continued.
     settings : EvaluateSettings, optional
@@ -154,7 +156,9 @@ def run_evaluation(
     for package in ("dask", "distributed", "fsspec", "pyarrow", *(["open3d"] if settings.visible else [])):
         check_installed(package)
     others: set[str] = set()
-    items, unmatched = labelled(find_items(paths, others), read_labels(labels), settings.views)
+    items, unmatched = labelled(
+        find_items(paths, others, label_images=settings.label_images), read_labels(labels), settings.views
+    )
     if not items:
         raise BadInput(f"`paths` must lead to at least one mesh; got {', '.join(map(str, paths)) or 'none'}")
     left_out = count_suffixes(others, run=run)
@@ -170,7 +174,9 @@ def run_evaluation(
         counts = _Counts(len(items), len(reused), n_failed, progress, store)
         counts.show()
         if fresh:
-            _compute(fresh, settings, analysis, store, counts)
+            parts = in_parts(fresh, settings)
+            counts.total += len(parts) - len(fresh)
+            _compute(parts, settings, analysis, store, counts)
         table = store.compact()
         counts.show()
         if settings.csv:
@@ -188,7 +194,13 @@ class _Counts:
 
     def __init__(self, total: int, n_reused: int, n_failed: int, progress: Show | None, store: RunStore) -> None:
         self.total, self.n_reused, self.n_failed = total, n_reused, n_failed
+        self._failed: set[str] = set()  # of this run; a file in parts fails once
         self._progress, self._store, self._speed = progress, store, Speed()
+
+    def failed(self, name: str) -> None:
+        """Count a file that failed."""
+        self.n_failed += name not in self._failed
+        self._failed.add(name)
 
     def show(self) -> None:
         """Call the caller's function."""
@@ -211,7 +223,8 @@ def _compute(
                 for outcome in dispatcher.outcomes():
                     if outcome is not None:
                         store.add(outcome)
-                        counts.n_failed += not outcome.is_ok
+                        if not outcome.is_ok:
+                            counts.failed(outcome.name)
                     store.flush_if_due()
                     counts.show()
             finally:
@@ -239,6 +252,8 @@ def _divided(
         first = known.get(item.name, [{}])[0]
         if first.get("settings_hash") != wanted or (first["status"] == "failed" and settings.retry_failed):
             continue
+        if first["n_objects"] is not None and len(known[item.name]) != first["n_objects"]:
+            continue  # a label image of which parts are missing
         if not item.view or first["view"] or not _may_view(first):
             candidates.append(item)
     with ThreadPoolExecutor(8) as readers:  # reads files; SHA-256 does not hold the interpreter
@@ -252,8 +267,8 @@ def _divided(
 
 
 def _may_view(row: Mapping[str, Any]) -> bool:
-    """Whether a row can have a view at all: failed ones and cells have none."""
-    return row["status"] == "ok" and row["cell"] is None
+    """Whether a row can have a view at all: failed ones, cells and objects have none."""
+    return row["status"] == "ok" and row["cell"] is None and row["object"] is None
 
 
 def _relabelled(items: Sequence[Item], reused: Mapping[str, list[dict[str, Any]]]) -> list[Mapping[str, Any]]:

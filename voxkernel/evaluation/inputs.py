@@ -8,7 +8,7 @@ import posixpath
 from collections import Counter
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,10 +16,11 @@ from typing import Any
 from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
+from voxkernel.labels import is_label_file
 from voxkernel.run_table import defused, is_local, open_run
 
 __all__ = [
-    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "labelled", "local_copy",
+    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled", "local_copy",
     "read_labels", "with_data",
 ]  # fmt: skip
 
@@ -41,11 +42,15 @@ class Item:
     label: str | None = None
     view: bool = False
     data: bytes | None = None
+    part: tuple[int, int] | None = None  # objects of a label image, the first and one behind the last
+    known_hash: str = ""  # of a file in parts, whose rows also finish together
+    finished: str = ""
 
     @property
     def suffix(self) -> str:
         """Lower-case suffix with the dot."""
-        return posixpath.splitext(self.url)[1].lower()
+        url = self.url.lower()
+        return ".nii.gz" if url.endswith(".nii.gz") else posixpath.splitext(url)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +100,9 @@ def read_labels(labels: str | os.PathLike[str] | None) -> Labels | None:
     return Labels({file.replace(os.sep, "/"): label for file, label in rows if file})
 
 
-def find_items(paths: Iterable[str | os.PathLike[str]], left_out: set[str] | None = None) -> list[Item]:
+def find_items(
+    paths: Iterable[str | os.PathLike[str]], left_out: set[str] | None = None, *, label_images: bool = False
+) -> list[Item]:
     """Find the meshes of files, folders (with all below), globs and fsspec URLs, sorted by name, each once.
 
     A file that is named is taken whatever it is; of folders and globs only files with a known suffix are, and the
@@ -106,6 +113,9 @@ def find_items(paths: Iterable[str | os.PathLike[str]], left_out: set[str] | Non
     for path in paths:
         for name, url in _expanded(os.fspath(path), others):
             found[_printable(name)] = url
+    if label_images:  # they have been left out for their suffix
+        found |= {_printable(name): name for name in others if is_label_file(name)}
+        others = {name for name in others if not is_label_file(name)}
     if left_out is not None:
         left_out |= {_printable(name) for name in others} - found.keys()
     return [Item(name, url) for name, url in sorted(found.items())]
@@ -177,7 +187,7 @@ def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
 
     A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
     """
-    if not os.path.isdir(path):
+    if not os.path.isdir(path) or is_label_file(path):
         return [(path, True)]
     place = os.path.realpath(path)
     if place in above:
@@ -192,7 +202,7 @@ def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
     for entry in entries:
         if entry.name.startswith("."):
             continue
-        if os.path.isdir(entry.path):
+        if os.path.isdir(entry.path) and not is_label_file(entry.name):
             files += _below(entry.path, (*above, place))
         else:
             files.append((entry.path, _known(entry.name)))
@@ -223,26 +233,33 @@ def _printable(name: str) -> str:
 
 def _is_local(url: str) -> bool:
     """Whether it is a path of this machine; file names may hold what else makes a chain of file systems."""
-    return ("://" not in url and "::" not in url) or os.path.lexists(url)
+    return ("://" not in url and "::" not in url) or os.path.lexists(_stored(url))
 
 
-def _is_private(url: str) -> bool:
+def _stored(url: str) -> str:
+    """The file of a name that leads into a file of label images: ``cells.h5`` of ``cells.h5::labels``."""
+    return url.partition("::")[0] if "://" not in url and is_label_file(url) else url
+
+
+def is_private(url: str) -> bool:
     """Whether only this process can read it."""
     return url.startswith("memory://")
 
 
 def with_data(item: Item) -> Item:
     """Put the bytes of a file only this process can read into its item."""
-    if item.data is not None or not _is_private(item.url):
+    if item.data is not None or not is_private(item.url):
         return item
-    return Item(item.name, item.url, item.label, item.view, _read(item.url))
+    return replace(item, data=_read(item.url))
 
 
 def content_hash(item: Item) -> str:
     """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
     digest = hashlib.sha256()
     try:
-        if item.data is None and _is_local(item.url) and os.path.isdir(item.url):
+        if item.data is None and is_label_file(item.url) and _is_local(item.url):
+            _hash_tree(Path(_stored(item.url)), digest)
+        elif item.data is None and _is_local(item.url) and os.path.isdir(item.url):
             for name in sorted(os.listdir(item.url)):
                 digest.update(name.encode("utf-8", "surrogateescape") + b"\0")
                 digest.update(hashlib.sha256(input_file(Path(item.url) / name, OSError).read_bytes()).digest())
@@ -251,6 +268,18 @@ def content_hash(item: Item) -> str:
     except Exception:  # any file system may fail in its own way; the mesh's own reader says how
         return ""
     return digest.hexdigest()
+
+
+def _hash_tree(path: Path, digest: Any) -> None:
+    """Take in a file piece by piece, or a folder with all below: a label image may be larger than memory."""
+    if path.is_dir():
+        for below in sorted(path.iterdir()):
+            digest.update(below.name.encode("utf-8", "surrogateescape") + b"\0")
+            _hash_tree(below, digest)
+        return
+    with input_file(path, OSError).open("rb") as stream:
+        while piece := stream.read(1 << 24):
+            digest.update(piece)
 
 
 def _read(url: str) -> bytes:
@@ -264,7 +293,7 @@ def _read(url: str) -> bytes:
 def local_copy(item: Item, folder: str | None = None) -> Generator[tuple[str, str]]:
     """Give a local path of a mesh and the hash of its content; remote ones are fetched once, to below `folder`."""
     if item.data is None and _is_local(item.url):
-        yield item.url, content_hash(item)
+        yield item.url, item.known_hash or content_hash(item)
         return
     try:
         data = _read(item.url) if item.data is None else item.data

@@ -10,19 +10,20 @@ from typing import Any, Literal
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
 from voxkernel._extras import optional
 from voxkernel._plain import json_text
+from voxkernel.labels import as_ray_counts
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
-_FORMAT = 1  # counts up when the same settings give other rows
-_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails")
+_FORMAT = 2  # counts up when the same settings give other rows
+_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails", "spacing", "n_rays", "surface")
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluateSettings:
     """Settings of `voxkernel.evaluate`.
 
-    The first seven decide what is in a row: rows made with others are computed again. The rest may change from
+    The first ten decide what is in a row: rows made with others are computed again. The rest may change from
     one run to the next.
 
     Parameters
@@ -41,6 +42,14 @@ class EvaluateSettings:
         Largest degree of spherical-harmonic energies about the star centre, 0 to 256; None leaves them out.
     thumbnails : bool
         Draw each surface with its kernel, 240 x 180 pixels.
+    spacing : sequence of float, optional
+        Of label images: distance of voxel centres along each axis; by default what a file stores.
+    n_rays : sequence of int
+        Of label images: numbers of rays to try, as `label_stars`.
+    surface : bool
+        Of label images: also measure a smoothed surface of each object.
+    label_images : bool
+        Take label images of folders and globs, too; those that are named are always taken.
     views : int or "all"
         How many surfaces, the first ones by name, get a simplified copy to turn in a report.
     timeout : float, optional
@@ -74,6 +83,10 @@ class EvaluateSettings:
     visible: bool = False
     energies: int | None = None
     thumbnails: bool = False
+    spacing: Sequence[float] | None = None
+    n_rays: Sequence[int] = (32, 64, 96, 128, 256)
+    surface: bool = False
+    label_images: bool = False
     views: int | Literal["all"] = 0
     timeout: float | None = 300.0
     memory_limit: int | str | None = None
@@ -91,6 +104,9 @@ class EvaluateSettings:
         object.__setattr__(self, "tolerances", as_each("tolerances", self.tolerances, as_share))
         if self.energies is not None:
             as_depth("energies", self.energies, 0, 256)
+        if self.spacing is not None:
+            object.__setattr__(self, "spacing", as_each("spacing", self.spacing, as_positive))
+        object.__setattr__(self, "n_rays", as_ray_counts(self.n_rays, 3))
         if self.views != "all":
             as_depth("views", self.views, 0, 2**31)
         if self.timeout is not None:
@@ -115,7 +131,8 @@ class EvaluateSettings:
     def of_results(self) -> dict[str, Any]:
         """Give the settings that decide what is in a row."""
         values = {name: getattr(self, name) for name in _RESULTS}
-        return {**values, "tolerances": list(self.tolerances)}
+        spacing = None if self.spacing is None else list(self.spacing)
+        return {**values, "tolerances": list(self.tolerances), "n_rays": list(self.n_rays), "spacing": spacing}
 
 
 def settings_text(settings: EvaluateSettings) -> str:

@@ -85,7 +85,7 @@ def _about(item: Item, settings: EvaluateSettings, known_hash: str, seconds: flo
         "settings_hash": settings_hash(settings),
         "settings": settings_text(settings),
         "versions": _versions(),
-        "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "finished": item.finished or datetime.now(UTC).isoformat(timespec="milliseconds"),
         "seconds": seconds,
     }
 
@@ -96,7 +96,8 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     try:
         with _limited(settings), local_copy(item, _worker_folder()) as (path, known_hash):
             picture = f"{(known_hash or 'unreadable')[:24]}-{settings_hash(settings)[:8]}"
-            done = analysis(path, settings, name=picture, view=item.view)
+            options = {} if item.part is None else {"part": item.part}
+            done = analysis(path, settings, name=picture, view=item.view, **options)
     except Exception as error:  # whatever a reader or a bug throws is this mesh's reason
         seconds = perf_counter() - begin
         reason = _reason(error).replace(path, item.name) if path else _reason(error)
@@ -106,7 +107,7 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)))
     rows = tuple({**about, "status": "ok", "reason": "", **row} for row in done.rows)
     if not rows:
-        return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds)
+        return failed_outcome(item, settings, "holds no cells and no objects", known_hash=known_hash, seconds=seconds)
     return Outcome(item.name, rows, done.files, seconds)
 
 

@@ -16,7 +16,7 @@ _MOST_FILES = 20
 def render_markdown(summary: dict[str, Any], *, title: str) -> str:
     """Write summary, failures, labels and the worst rows; every name and reason as code."""
     parts = [f"## voxkernel report: {code_span(title)}", _counts(summary)]
-    for section in (_left_out, _failures, _proofs, _labels, _scores, _worst):
+    for section in (_left_out, _failures, _proofs, _objects, _labels, _scores, _worst):
         text = section(summary)
         if text:
             parts.append(text)
@@ -55,6 +55,20 @@ def _failures(summary: dict[str, Any]) -> str:
 def _proofs(summary: dict[str, Any]) -> str:
     n = summary["certificates"]["n_not_verified"]
     return f"**{count(n)} answers whose proof was not confirmed.**" if n else ""
+
+
+def _objects(summary: dict[str, Any]) -> str:
+    objects = summary["objects"]
+    if objects is None:
+        return ""
+    body = [(code_span(reason, 60), count(n), percent(n, objects["n"])) for reason, n in objects["shortfalls"].items()]
+    rays = objects["recommended_rays"]
+    return "\n".join([
+        f"### {count(objects['n'])} objects of label images", "",
+        f"{count(objects['n_star'])} are seen whole from one voxel, {count(objects['n_not_star'])} certainly from none"
+        + (f"; {rays} rays bring 90 % of them to an overlap of 0.8." if rays else "."),
+        "", _table(("falls short by", "objects", "share"), body, right=2),
+    ])  # fmt: skip
 
 
 def _labels(summary: dict[str, Any]) -> str:

@@ -13,8 +13,9 @@ import numpy as np
 from voxkernel._extras import optional
 from voxkernel._plain import json_text
 from voxkernel.report import charts as charts
+from voxkernel.report.objects import object_charts, worst_objects
 from voxkernel.report.pictures import Pictures
-from voxkernel.report.rows import CELL_SCORES, SCORES, ReportRows
+from voxkernel.report.rows import CELL_SCORES, LABEL_SCORES, SCORES, ReportRows
 from voxkernel.report.text import count, json_block, left_out_text, number, one_line, percent, readable, shorten
 
 __all__ = ["render_page", "shape_name"]
@@ -29,10 +30,16 @@ _COLUMNS = (
     ("visible_fraction", "Visible", "90px", SCORES[2].meaning),
     ("volume_share", "Volume share", "126px", CELL_SCORES[0].meaning),
     ("inradius_over_diameter", "Inradius / d.", "124px", CELL_SCORES[1].meaning),
+    ("voxels_seen", "Seen", "88px", LABEL_SCORES[0].meaning),
+    ("shortfall", "Falls short by", "120px", "the first that holds: fragment, hole, hidden part, elongated"),
+    ("rays_for_80", "Rays for 0.8", "110px", "that bring the overlap to 0.8; 0: none of those tried"),
+    ("voxels", "Voxels", "88px", ""),
     ("n_facets", "Facets", "88px", ""),
     ("seconds", "Seconds", "98px", ""),
     ("reason", "Failed because", "", ""),
+    ("kind", "Kind", "", ""),
     ("cell", "Cell", "", ""),
+    ("object", "Object", "90px", "number in the label image"),
     ("verdict_reason", "Why not star-shaped", "", ""),
     ("notes", "Notes", "", ""),
     ("dimension", "Kernel dimension", "", ""),
@@ -70,11 +77,29 @@ _COLUMNS = (
     ("area", "Area", "", ""),
     ("enclosed_volume", "Enclosed volume", "", ""),
     ("diagonal", "Diagonal", "", ""),
+    ("voxels_seen_upper", "Seen at most", "", ""),
+    ("center_index", "Best voxel", "", ""),
+    ("center_world", "Best voxel in the world", "", ""),
+    ("seen_deepest", "Seen from the deepest voxel", "", ""),
+    ("seen_centroid", "Seen from the centroid", "", ""),
+    ("n_rays", "Numbers of rays", "", ""),
+    ("iou", "Overlap", "", ""),
+    ("iou_stepped", "Overlap, as StarDist ends rays", "", ""),
+    ("rays_for_90", "Rays for 0.9", "", ""),
+    ("elongation", "Elongation", "", ""),
+    ("n_fragments", "Fragments", "", ""),
+    ("n_holes", "Holes", "", ""),
+    ("hole_voxels", "Voxels of holes", "", ""),
+    ("touches_border", "Touches the border", "", ""),
+    ("box_low", "Box from", "", ""),
+    ("box_high", "Box to, not with", "", ""),
+    ("spacing", "Spacing", "", ""),
     ("finished", "Finished", "", ""),
 )
-_TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward")
+_TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward", "touches_border")
 _WHOLE = ("verdict_reason", "notes")
 _DIGITS = 6
+_WORST = 24  # pictures of objects
 
 
 def render_page(
@@ -109,7 +134,9 @@ def render_page(
         s=summary, title=readable(title), headline=_headline(summary), bar=charts.outcome_bar(summary["counts"]),
         classes=list(charts.CLASS_OF.values()), scores=charts.score_charts(rows),
         profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
-        boxes=charts.boxes(summary["labels"]), gallery=[_card(rows, pictures, i, shared) for i in chosen],
+        boxes=charts.boxes(summary["labels"]), object_charts=object_charts(summary["objects"]),
+        worst=[_card(rows, pictures, i, shared) for i in worst_objects(rows, _WORST) if i in pictures.thumbnails],
+        gallery=[_card(rows, pictures, i, shared) for i in chosen],
         folder=shared, left_out=left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()]),
         views_left_out=pictures.views_left_out, pictures_note=_pictures_note(pictures), css=read("report.css"),
         scripts=scripts, script_hashes=" ".join(_hash(script) for script in scripts),
@@ -154,6 +181,8 @@ def common_folder(rows: ReportRows) -> str:
 def shape_name(entry: dict[str, Any]) -> str:
     """Name an entry of the summary on one line."""
     name = readable(entry["file"])
+    if "object" in entry:
+        return f"{name} object {entry['object']}"
     return name if entry["cell"] is None else f"{name} cell {entry['cell']}"
 
 
@@ -187,8 +216,16 @@ def _headline(summary: dict[str, Any]) -> str:
     if not n:
         return "The run has no rows yet."
     cells = f", {count(summary['n_cells'])} of them cells of polyhedral meshes" if summary["n_cells"] else ""
-    stars = counts["star-shaped"] + counts["degenerate"]
-    done = n - counts["failed"]
+    objects = summary["objects"]
+    stars = counts["star-shaped"] + counts["degenerate"] - (objects["n_star"] if objects else 0)
+    done = n - counts["failed"] - (objects["n"] if objects else 0)
+    if objects:
+        seen = f"{count(objects['n_star'])} of {count(objects['n'])} objects of label images are seen whole from one " \
+               f"of their voxels ({percent(objects['n_star'], objects['n'])})."  # fmt: skip
+        if not done:
+            return f"{count(n)} rows from {count(summary['n_files'])} files. {seen}"
+        rest = f"Some point sees the whole surface of {count(stars)} of the {count(done)} others ({percent(stars, done)})."
+        return f"{count(n)} rows from {count(summary['n_files'])} files{cells}. {seen} {rest}"
     return (
         f"{count(n)} rows from {count(summary['n_files'])} files{cells}. Some point sees the whole surface of "
         f"{count(stars)} of the {count(done)} that could be evaluated ({percent(stars, done)})."
@@ -198,7 +235,10 @@ def _headline(summary: dict[str, Any]) -> str:
 def _card(rows: ReportRows, pictures: Pictures, i: int, folder: str) -> dict[str, Any]:
     ratio, defect = rows.numbers["ratio"][i], rows.numbers["violation_upper"][i]
     words = [rows.outcome[i]]
-    if rows.outcome[i] == "star-shaped" and np.isfinite(ratio):
+    seen = rows.numbers["voxels_seen"][i]
+    if np.isfinite(seen):
+        words = [f"{seen:.1%} seen", rows.texts["shortfall"][i] or "fine"]
+    elif rows.outcome[i] == "star-shaped" and np.isfinite(ratio):
         words.append(f"ratio {number(float(ratio), 3)}")
     elif np.isfinite(defect) and defect > 0.0:
         words.append(f"defect {number(float(defect), 3)}")
@@ -236,7 +276,7 @@ def _pixels(value: float) -> str:
 
 
 def _score_title(name: str) -> str:
-    return next(score.title.lower() for score in (*SCORES, *CELL_SCORES) if score.name == name)
+    return next(score.title.lower() for score in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if score.name == name)
 
 
 def readable_lines(text: str) -> str:

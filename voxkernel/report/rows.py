@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
-__all__ = ["CELL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
+__all__ = ["CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
 
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
 
@@ -36,6 +36,12 @@ CELL_SCORES = (
     Score("volume_share", "Volume share", "volume_share", 1, "kernel volume over the cell's volume"),
     Score("inradius_over_diameter", "Inradius / diameter", "inradius_over_diameter", 1,
           "radius of the largest ball in the kernel over the cell's diameter"),
+)  # fmt: skip
+
+
+LABEL_SCORES = (
+    Score("voxels_seen", "Seen from the best voxel", "voxels_seen", 1,
+          "share of the object's voxels whose segment to its best voxel stays in the object (V*)"),
 )  # fmt: skip
 
 
@@ -73,7 +79,9 @@ class ReportRows(Frozen):
 
     def name(self, i: int) -> str:
         """Name a row: its file, and its cell if it is one."""
-        cell = self.numbers["cell"][i]
+        cell, number = self.numbers["cell"][i], self.numbers["object"][i]
+        if not np.isnan(number):
+            return f"{self.texts['file'][i]} object {int(number)}"
         return self.texts["file"][i] if np.isnan(cell) else f"{self.texts['file'][i]} cell {int(cell)}"
 
     def cause(self, i: int) -> str:
@@ -129,10 +137,11 @@ def from_table(table: Any) -> ReportRows:
 
 
 def worst_first(rows: ReportRows, ids: Sequence[int]) -> list[int]:
-    """Sort rows from the least star-shaped: larger defect first, then smaller ratio, then the table's order."""
+    """Sort rows from the least star-shaped: larger defect or hidden share first, then smaller ratio, then the table's order."""
     defect = np.nan_to_num(rows.numbers["violation_upper"], nan=0.0)
     ratio = np.nan_to_num(rows.numbers["ratio"], nan=0.0)
-    return sorted(ids, key=lambda i: (-defect[i], ratio[i], i))
+    hidden = 1.0 - np.nan_to_num(rows.numbers["voxels_seen"], nan=1.0)
+    return sorted(ids, key=lambda i: (-max(defect[i], hidden[i]), ratio[i], i))
 
 
 def _outcome(status: str, verdict: str) -> str:

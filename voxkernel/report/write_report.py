@@ -117,11 +117,12 @@ def _page(
     n_views: int, max_bytes: int,
 ) -> str:  # fmt: skip
     from voxkernel.report.labels import star_truth, wrong_ids
+    from voxkernel.report.objects import worst_objects
     from voxkernel.report.page import render_page
     from voxkernel.report.pictures import collect
 
     wrong = wrong_ids(rows, star_truth(rows, star_labels))
-    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=wrong[: n_views // 3])
+    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=[*worst_objects(rows, 24), *wrong[: n_views // 3]])
     return render_page(rows, summary, pictures, title=title, chosen=list(pictures.views))
 
 

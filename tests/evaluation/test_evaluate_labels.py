@@ -1,0 +1,133 @@
+"""Label images in runs, in reports and on the command line: one row per object, counted apart."""
+
+import json
+
+import label_shapes
+import numpy as np
+import pytest
+import shapes
+
+import voxkernel
+from voxkernel.cli.main import main
+from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.label_parts import in_parts
+from voxkernel.evaluation.inputs import Item, content_hash, find_items
+from voxkernel.report import write_report
+
+RAYS = (32, 96)
+
+
+def scene():
+    """A ball, a C, a shell and two fragments, a bar that 96 rays do not reach."""
+    image = np.zeros((80, 20, 90), np.uint16)
+    image[1:16, 1:16, 1:16] = label_shapes.ball(15)
+    image[1:5, 1:16, 20:35] = 2 * label_shapes.c_shape()
+    image[1:14, 1:14, 40:53] = 3 * label_shapes.shell()
+    image[20:23, 2:5, 2:5] = image[20:23, 2:5, 8:12] = 7
+    image[30:33, 2:5, 2:62] = 900
+    return image
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("labels")
+    image = scene()
+    np.savez(folder / "scene.npz", labels=image, spacing=(1.0, 1.0, 1.0))
+    np.save(folder / "broken.npy", image + 0.5)
+    voxkernel.as_mesh(shapes.cube()).write(folder / "cube.ply")
+    settings = EvaluateSettings(
+        spacing=(1, 1, 1), n_rays=RAYS, label_images=True, thumbnails=True, workers=1, csv=True, depth=3
+    )
+    return folder, voxkernel.evaluate([folder], output=folder / "run", settings=settings), settings
+
+
+def test_one_row_per_object(run):
+    folder, result, settings = run
+    assert (result.n_rows, result.n_ok, result.n_failed) == (7, 2, 1)
+    rows = result.table().to_pylist()
+    assert [row["kind"] for row in rows] == [None, "surface", *["label"] * 5]
+    assert "must be integers; got 0.5" in rows[0]["reason"]
+    objects = rows[2:]
+    stars = voxkernel.label_stars(scene(), spacing=(1, 1, 1), n_rays=RAYS)
+    assert [row["object"] for row in objects] == stars.label.tolist() == [1, 2, 3, 7, 900]
+    assert [row["shortfall"] for row in objects] == ["", "hidden part", "hole", "fragment", "elongated"]
+    assert [row["voxels_seen"] for row in objects] == stars.visible.tolist()
+    assert [row["iou"] for row in objects] == stars.iou.tolist()
+    assert [row["center_index"] for row in objects] == stars.center.tolist()
+    assert {row["n_objects"] for row in objects} == {5}
+    assert [bool(row["thumbnail"]) for row in objects] == [False, True, True, True, True]
+    for row in objects[1:]:
+        assert (folder / "run" / row["thumbnail"]).read_bytes().startswith(b"\x89PNG")
+    again = voxkernel.evaluate([folder], output=folder / "run", settings=settings)
+    assert (again.n_rows, again.n_reused) == (7, 3)
+
+
+def test_a_report_counts_objects_apart(run, tmp_path):
+    folder, _, _ = run
+    summary = write_report(tmp_path / "page.html", folder / "run")
+    objects = summary["objects"]
+    assert summary["n_objects"] == objects["n"] == 5
+    assert (objects["n_star"], objects["n_not_star"], objects["n_fine"]) == (2, 3, 1)
+    assert objects["shortfalls"] == {"elongated": 1, "fragment": 1, "hidden part": 1, "hole": 1}
+    assert objects["n_rays"] == [32, 96]
+    assert all(a <= b <= c for a, b, c in zip(*(objects["overlap"][q] for q in ("q25", "median", "q75")), strict=True))
+    page = (tmp_path / "page.html").read_text()
+    for words in (
+        "2 of 5 objects of label images are seen whole", "Why objects fall short", "The worst objects",
+        "Overlap against rays", "Some point sees the whole surface of 1 of the 1 others",
+    ):  # fmt: skip
+        assert words in page
+    assert write_report(tmp_path / "page.md", folder / "run")["objects"] == objects
+    assert "5 objects of label images" in (tmp_path / "page.md").read_text()
+
+
+def test_a_large_image_is_divided(tmp_path):
+    image = np.zeros((3, 45, 45), np.uint16)
+    for k, (j, i) in enumerate(np.ndindex(22, 22), 1):
+        image[1, 2 * j + 1, 2 * i + 1] = k
+    np.save(tmp_path / "many.npy", image)
+    settings = EvaluateSettings(spacing=(1, 1, 1), n_rays=(32,), workers=1)
+    items = in_parts([Item("many.npy", str(tmp_path / "many.npy"))], settings)
+    assert [item.part for item in items] == [(0, 200), (200, 400), (400, 484)]
+    assert {item.known_hash for item in items} == {content_hash(items[0])}
+    result = voxkernel.evaluate(tmp_path / "many.npy", output=tmp_path / "run", settings=settings)
+    assert (result.n_rows, result.n_ok) == (484, 1)
+    assert result.table().column("object").to_pylist() == list(range(1, 485))
+    assert voxkernel.evaluate(tmp_path / "many.npy", output=tmp_path / "run", settings=settings).n_reused == 1
+
+
+def test_images_of_folders_are_taken_when_asked_for(tmp_path):
+    np.save(tmp_path / "a.npy", scene())
+    (tmp_path / "b.zarr" / "c").mkdir(parents=True)
+    (tmp_path / "b.zarr" / "c" / "0").write_text("x")
+    left_out = set()
+    assert find_items([tmp_path], left_out) == []
+    assert len(left_out) == 2
+    assert [item.url.rsplit("/")[-1] for item in find_items([tmp_path], label_images=True)] == ["a.npy", "b.zarr"]
+    assert len(content_hash(Item("b", str(tmp_path / "b.zarr")))) == 64
+    assert len(content_hash(Item("a", f"{tmp_path}/a.npy::x"))) == 64
+
+
+def test_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("scene.npy", scene())
+    words = ["labels", "scene.npy", "--spacing", "1,1,1", "-o", "out", "--rays", "32,96", "--workers", "1", "-q"]
+    assert main([*words, "--no-pictures", "--map", "seen.npz"]) == 0
+    said = capsys.readouterr()
+    assert said.out == "out: 5 objects, 2 seen whole from one voxel, 1 elongated, 1 fragment, 1 hidden part, 1 hole\n"
+    assert said.err == ""
+    assert json.loads((tmp_path / "out" / "settings.json").read_text())["settings"]["spacing"] == [1.0, 1.0, 1.0]
+    assert (tmp_path / "out" / "report.html").exists()
+    painted = voxkernel.read_labels("seen.npz").to_array()
+    assert (painted == 3).sum() == 5
+    assert main(["labels", "scene.npy", "-o", "other", "--workers", "1", "-q"]) == 1
+    assert "`spacing` must be given" in voxkernel.evaluation.EvaluationResult("other", 0, 0, 0, 0, ()).table()["reason"][0].as_py()
+    for wrong, line in (
+        (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
+        (["--spacing", "1,0,1"], "`spacing` must be > 0; got 0"),
+        (["--rays", "2"], "`n_rays` must be in 4..4096; got 2"),
+    ):
+        assert main(["labels", "scene.npy", "-o", "out", *wrong]) == 2
+        assert line in capsys.readouterr().err
+    assert main(["labels", "a.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
+    assert "--map must be given with one image; got 2" in capsys.readouterr().err

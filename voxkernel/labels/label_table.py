@@ -1,0 +1,192 @@
+"""`LabelStars`: one row per object of a label image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._extras import optional
+from voxkernel._frozen import Frozen
+
+__all__ = ["LabelStars", "rays_needed", "reason_of"]
+
+_ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
+_USUAL = 96  # rays of StarDist by default
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LabelStars(Frozen):
+    """Objects of a label image as star-shaped bodies: arrays with one row per object, read-only.
+
+    Attributes
+    ----------
+    label, voxels : (n,) int64
+        The object's number in the image and how many voxels it has.
+    low, high : (n, axes) int64
+        Its bounding box: the first voxel along each axis, and one behind the last.
+    fragments, largest_fragment : (n,) int64
+        Pieces that do not touch, not even by a corner, and voxels of the largest.
+    holes, hole_voxels : (n,) int64
+        Cavities (joined through faces, without a way out of them) and voxels in them.
+    touches_border : (n,) bool
+        Whether the object has a voxel at the border of the image, where it may go on.
+    elongation : (n,) float64
+        Largest over smallest standard deviation of its points, >= 1.
+    visible, visible_upper : (n,) float64
+        V*: the share of its voxels that its best voxel sees; and what no voxel can exceed. In (0, 1].
+    center : (n, axes) int64
+        The best voxel: of those that see most, the deepest.
+    center_world : (n, axes) float64
+        The same in world units, `center` times the spacing.
+    visible_deepest, visible_centroid : (n,) float64
+        V at the voxel farthest from the outside, and at the centroid cut to integers (0 where that is outside).
+    n_rays : tuple of int
+        Numbers of rays, one for each column of `iou`.
+    iou, iou_stepped : (n, len(n_rays)) float64
+        Intersection over union, in voxels, of the object and the body spanned by rays from `center`: rays that end
+        where they leave the object, and at the first sample outside, as StarDist's.
+    rays_for_80, rays_for_90 : (n,) int64
+        The smallest of `n_rays` that brings `iou` to 0.8 and to 0.9; 0 where none does.
+    reason : tuple of str
+        Why an object falls short: "fragment", "hole", "hidden part", "elongated", "" where it does not.
+    detail : tuple of str
+        The reason in words, with its numbers.
+    defect_lower, defect_upper : (n,) float64
+        Bounds on v*, the share of the smoothed surface that the best point does not face; NaN without `surface`.
+    kernel_ratio : (n,) float64
+        Volume of the surface's kernel over that inside the surface; NaN without `surface`.
+    verdict : tuple of str
+        Of `starshapeness`: "star-shaped", "degenerate" or "not star-shaped"; "" without `surface`, and where the
+        object has no closed surface.
+    spacing : tuple of float
+        Of the image.
+    """
+
+    label: NDArray[np.int64]
+    voxels: NDArray[np.int64]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+    fragments: NDArray[np.int64]
+    largest_fragment: NDArray[np.int64]
+    holes: NDArray[np.int64]
+    hole_voxels: NDArray[np.int64]
+    touches_border: NDArray[np.bool_]
+    elongation: NDArray[np.float64]
+    visible: NDArray[np.float64]
+    visible_upper: NDArray[np.float64]
+    center: NDArray[np.int64]
+    center_world: NDArray[np.float64]
+    visible_deepest: NDArray[np.float64]
+    visible_centroid: NDArray[np.float64]
+    n_rays: tuple[int, ...]
+    iou: NDArray[np.float64]
+    iou_stepped: NDArray[np.float64]
+    rays_for_80: NDArray[np.int64]
+    rays_for_90: NDArray[np.int64]
+    reason: tuple[str, ...]
+    detail: tuple[str, ...]
+    defect_lower: NDArray[np.float64]
+    defect_upper: NDArray[np.float64]
+    kernel_ratio: NDArray[np.float64]
+    verdict: tuple[str, ...]
+    spacing: tuple[float, ...]
+
+    def __len__(self) -> int:
+        """Return the number of objects."""
+        return len(self.label)
+
+    def __repr__(self) -> str:
+        """Count the objects and those that are star-convex."""
+        stars = int(np.sum(self.visible == 1.0))
+        return f"LabelStars({len(self)} objects, {stars} star-convex, {len(self) - stars} not or not known to be)"
+
+    @property
+    def is_certified(self) -> NDArray[np.bool_]:
+        """Whether V* is known exactly, (n,): the bounds meet."""
+        return self.visible == self.visible_upper
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """Give the columns of a table: one number or text each, axes and numbers of rays in the names.
+
+        Returns
+        -------
+        dict of str to list
+            As `center_0`, `iou_96`, `iou_stepped_96`; None where a number is not known.
+        """
+        columns: dict[str, list[Any]] = {}
+        for name in (
+            "label", "voxels", "low", "high", "fragments", "largest_fragment", "holes", "hole_voxels", "touches_border",
+            "elongation", "visible", "visible_upper", "is_certified", "center", "center_world", "visible_deepest",
+            "visible_centroid", "iou", "iou_stepped", "rays_for_80", "rays_for_90", "reason", "detail", "defect_lower",
+            "defect_upper", "kernel_ratio", "verdict",
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if isinstance(value, tuple):
+                columns[name] = list(value)
+            elif value.ndim == 2:
+                ends = self.n_rays if name.startswith("iou") else range(value.shape[1])
+                columns |= {f"{name}_{end}": value[:, k].tolist() for k, end in enumerate(ends)}
+            else:
+                columns[name] = [None if v != v else v for v in value.tolist()]
+        return columns
+
+    def to_arrow(self) -> Any:
+        """Give the columns of `to_dict` as a table.
+
+        Returns
+        -------
+        pyarrow.Table
+            One row per object.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyarrow is not installed.
+        """
+        return optional("pyarrow").table(self.to_dict())
+
+    def to_pandas(self) -> Any:
+        """Give the columns of `to_dict` as a data frame, where pandas is installed.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per object.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas as pd  # pyright: ignore
+
+        return pd.DataFrame(self.to_dict())
+
+
+def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, int]:
+    """The smallest numbers of rays that reach an overlap of 0.8 and of 0.9; 0 for none."""
+    first, second = (
+        min((n for n, value in zip(n_rays, iou, strict=True) if value >= enough), default=0) for enough in _ENOUGH
+    )
+    return first, second
+
+
+def reason_of(
+    voxels: int, parts: tuple[int, int, int, int], hidden: int, n_rays: tuple[int, ...], iou: tuple[float, ...]
+) -> tuple[str, str]:
+    """Why an object falls short, the first that holds: in pieces, hollow, partly hidden, too elongated; and in words."""
+    n_fragments, largest, n_holes, hole_voxels = parts
+    share = f"{hidden / voxels:.2%} of its voxels are hidden from the best one"
+    if n_fragments > 1:
+        return "fragment", f"{n_fragments} fragments, {1 - largest / voxels:.2%} outside the largest; {share}"
+    if n_holes:
+        return "hole", f"{n_holes} {'hole' if n_holes == 1 else 'holes'} of {hole_voxels} voxels; {share}"
+    if hidden:
+        return "hidden part", share
+    at = n_rays.index(_USUAL) if _USUAL in n_rays else int(np.argmax(n_rays))
+    if iou[at] < _ENOUGH[0]:
+        return "elongated", f"too elongated for {n_rays[at]} rays: they reach an overlap of {iou[at]:.3f}"
+    return "", ""

@@ -1,0 +1,102 @@
+"""A label image, read in blocks -> where every object is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._core import StopFlag, label_boxes
+from voxkernel._frozen import Frozen
+from voxkernel._threads import run_parts
+from voxkernel.labels.label_image import LabelImage, block_boxes
+
+__all__ = ["LabelObjects", "crop_of", "find_objects"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LabelObjects(Frozen):
+    """The objects of a label image, sorted by label.
+
+    Attributes
+    ----------
+    label : (n,) int64
+        Their numbers in the image, > 0.
+    voxels : (n,) int64
+        How many each has.
+    low, high : (n, axes) int64
+        The first voxel along each axis, and one behind the last.
+    """
+
+    label: NDArray[np.int64]
+    voxels: NDArray[np.int64]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """Return the number of objects."""
+        return len(self.label)
+
+
+def find_objects(image: LabelImage, *, threads: int = 1) -> LabelObjects:
+    """Find every object of a label image, block by block, so that the image is never held whole.
+
+    Parameters
+    ----------
+    image : LabelImage
+        From `read_labels` or `LabelImage.from_array`.
+    threads : int
+        Threads, at least 1; the result does not depend on it.
+
+    Returns
+    -------
+    LabelObjects
+        None where all is background.
+
+    Raises
+    ------
+    ValueError
+        If a label is negative, not an integer, or above 2**63 - 1.
+
+    Examples
+    --------
+    >>> image = LabelImage.from_array([[0, 7, 7], [0, 0, 7], [3, 0, 0]], spacing=(1, 1))
+    >>> objects = find_objects(image)
+    >>> objects.label.tolist(), objects.voxels.tolist(), objects.high.tolist()
+    ([3, 7], [1, 3], [[3, 1], [2, 3]])
+    """
+
+    def scan(box: tuple[list[int], list[int]], stop: StopFlag) -> tuple[NDArray[np.int64], ...]:
+        low, high = box
+        block = image._box(low, high)
+        if not block.any():
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
+        block = block[None] if image.is_flat else block
+        labels, sizes, boxes = label_boxes(block, stop)
+        return labels, sizes, boxes + np.array([0, *low, 0, *low] if image.is_flat else [*low, *low])
+
+    parts = run_parts(scan, block_boxes(image), threads)
+    labels, sizes, boxes = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(labels, kind="stable")
+    labels, sizes, boxes = labels[order], sizes[order], boxes[order]
+    first = np.flatnonzero(np.diff(labels, prepend=-1))
+    axes = slice(1, 3) if image.is_flat else slice(0, 3)
+    if not len(first):
+        empty = np.zeros((0, len(image.shape)), np.int64)
+        return LabelObjects(label=labels, voxels=sizes, low=empty, high=empty)
+    return LabelObjects(
+        label=labels[first],
+        voxels=np.add.reduceat(sizes, first),
+        low=np.ascontiguousarray(np.minimum.reduceat(boxes[:, :3], first)[:, axes]),
+        high=np.ascontiguousarray(np.maximum.reduceat(boxes[:, 3:], first)[:, axes]),
+    )
+
+
+def crop_of(image: LabelImage, objects: LabelObjects, i: int) -> NDArray[np.uint8]:
+    """Cut one object out: 1 for its voxels, with a layer of 0 around; three axes also for a flat image."""
+    block = image._box(objects.low[i].tolist(), objects.high[i].tolist())
+    block = block[None] if image.is_flat else block
+    crop = np.zeros(tuple(n + 2 for n in block.shape), np.uint8)
+    np.equal(block, block.dtype.type(objects.label[i]), out=crop[1:-1, 1:-1, 1:-1].view(np.bool_))
+    return crop

@@ -1,0 +1,86 @@
+"""TIFF stacks by tifffile, with the spacing that ImageJ or OME has written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._extras import optional
+
+__all__ = ["read_tiff"]
+
+
+class _Pages:
+    """A stack read page by page, for files that cannot be mapped."""
+
+    def __init__(self, path: str, shape: tuple[int, ...], dtype: Any) -> None:
+        self.path, self.shape, self.dtype = path, shape, np.dtype(dtype)
+        self.chunks = (1, *shape[1:])
+
+    def __getitem__(self, box: tuple[slice, ...]) -> NDArray[Any]:
+        with optional("tifffile").TiffFile(self.path) as file:
+            pages = file.series[0].pages
+            planes = [pages[i].asarray() for i in range(*box[0].indices(self.shape[0]))]
+        return np.stack(planes)[(slice(None), *box[1:])]
+
+
+def read_tiff(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
+    """Map the file, or read it by pages."""
+    tifffile = optional("tifffile")
+    with tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        if "S" in series.axes and series.shape[series.axes.index("S")] > 1:
+            raise ValueError(f"an image of colours, not of labels: axes {series.axes}")
+        kept = [k for k, n in enumerate(series.shape) if n > 1] if len(series.shape) > 3 else range(len(series.shape))
+        axes = "".join(series.axes[k] for k in kept)
+        shape = tuple(int(series.shape[k]) for k in kept)
+        spacing = _ome_spacing(file, axes) if file.is_ome else _imagej_spacing(file, axes)
+        n_pages, dtype = len(series.pages), series.dtype
+        is_plain = series.dataoffset is not None
+        whole = None
+        if not is_plain and not (len(shape) == 3 and n_pages == shape[0]):
+            whole = series.asarray().reshape(shape)
+    if whole is not None:
+        return whole, spacing
+    if is_plain:
+        return tifffile.memmap(path, mode="r", series=0).reshape(shape), spacing
+    return _Pages(path, shape, dtype), spacing
+
+
+def _imagej_spacing(file: Any, axes: str) -> list[float] | None:
+    """Slices are apart by `spacing`; a resolution counts pixels per unit. Only files of ImageJ say what is meant."""
+    facts = file.imagej_metadata
+    if not facts:
+        return None
+    tags = file.pages[0].tags
+    known: dict[str, float] = {}
+    for axis, tag in (("X", "XResolution"), ("Y", "YResolution")):
+        if tag in tags:
+            above, below = tags[tag].value
+            if above > 0 and below > 0:
+                known[axis] = below / above
+    if facts.get("spacing"):
+        known["Z"] = abs(float(facts["spacing"]))
+    wanted = [known.get(axis if axis in "YX" else "Z") for axis in axes]
+    return None if None in wanted else wanted  # pyright: ignore[reportReturnType]
+
+
+def _ome_spacing(file: Any, axes: str) -> list[float] | None:
+    """`PhysicalSizeX` and the like of the first image, all in micrometres where a unit is given."""
+    text = file.ome_metadata or ""
+    pixels = re.search(r"<(?:\w+:)?Pixels\b[^>]*>", text)
+    if pixels is None:
+        return None
+    to_micrometres = {"nm": 1e-3, "mm": 1e3, "cm": 1e4, "m": 1e6, "pm": 1e-6}
+    wanted: list[float] = []
+    for axis in axes:
+        size = re.search(rf'\bPhysicalSize{axis}="([^"]+)"', pixels[0])
+        if size is None:
+            return None
+        unit = re.search(rf'\bPhysicalSize{axis}Unit="([^"]+)"', pixels[0])
+        wanted.append(float(size[1]) * to_micrometres.get(unit[1] if unit else "", 1.0))
+    return wanted

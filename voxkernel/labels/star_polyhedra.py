@@ -1,0 +1,144 @@
+"""Many polyhedra given by lengths of rays, as StarDist predicts them -> the kernel of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxkernel._checks import as_depth, as_points
+from voxkernel._core import StopFlag, star_kernels
+from voxkernel._frozen import Frozen
+from voxkernel._threads import run_parts
+from voxkernel.exact import kernel_of_halfspaces
+from voxkernel.halfspaces import HalfSpaces
+from voxkernel.labels.ray_sets import outward_faces
+from voxkernel.mesh import TriangleMesh
+
+__all__ = ["StarKernels", "star_polyhedra_kernels"]
+
+_PART = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StarKernels(Frozen):
+    """Kernels of star polyhedra: arrays with one row per polyhedron, read-only.
+
+    Attributes
+    ----------
+    volume : (n,) float64
+        Of the kernel, > 0: a star polyhedron is seen from its centre.
+    polyhedron_volume : (n,) float64
+        Of the polyhedron.
+    low, high : (n, 3) float64
+        The box of the kernel, axes as those of the centres.
+    n_general : int
+        How many were left to the code of `exact_kernel`, because floating point did not tell.
+    """
+
+    volume: NDArray[np.float64]
+    polyhedron_volume: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    n_general: int
+
+    def __len__(self) -> int:
+        """Return the number of polyhedra."""
+        return len(self.volume)
+
+
+def star_polyhedra_kernels(
+    centers: ArrayLike, distances: ArrayLike, rays: ArrayLike, *, faces: ArrayLike | None = None, threads: int = 1
+) -> StarKernels:
+    """Compute the kernels of many polyhedra with corners ``center + distance * ray``.
+
+    Parameters
+    ----------
+    centers : (n, 3) float
+        In any unit; axes as those of the rays.
+    distances : (n, m) float
+        Length of each ray, > 0.
+    rays : (m, 3) float
+        Directions, the same for all polyhedra, such as `Rays_GoldenSpiral(96).vertices` of StarDist.
+    faces : (f, 3) int, optional
+        Triangles between the rays; by default those of the convex hull of the directions, scaled to length 1.
+    threads : int
+        Threads, at least 1; the result does not depend on it.
+
+    Returns
+    -------
+    StarKernels
+        One row per polyhedron.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a shape or a number cannot be used, or the rays do not surround the centre.
+
+    Notes
+    -----
+    The centre is in every kernel, so that its planes cut a cube about it, the nearest first; in floating point, with
+    corners found again from their planes.
+
+    Examples
+    --------
+    >>> rays = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
+    >>> kernels = star_polyhedra_kernels([[0, 0, 5]], np.ones((1, 6)), rays)  # an octahedron
+    >>> kernels.volume.round(6).tolist(), kernels.high.round(6).tolist()
+    ([1.333333], [[1.0, 1.0, 6.0]])
+    """
+    directions = as_points("rays", rays)
+    middle = as_points("centers", centers)
+    lengths = as_points("distances", distances, columns=len(directions))
+    n_threads = as_depth("threads", threads, 1, 256)
+    if len(lengths) != len(middle):
+        raise ValueError(f"`distances` must have one row for each of {len(middle)} centers; got {len(lengths)}")
+    if lengths.size and lengths.min() <= 0.0:
+        raise ValueError(f"`distances` must be > 0; got {lengths.min():g}")
+    norms = np.linalg.norm(directions, axis=1)
+    if len(directions) < 4 or norms.min() <= 0.0:
+        raise ValueError(f"`rays` must be at least 4 directions, none of them 0; got {len(directions)}")
+    triangles = _triangles(directions, norms, faces)
+    n = len(middle)
+    volume, boxes, outcome = np.zeros(n), np.zeros((n, 6)), np.zeros(n, np.int8)
+
+    def part(first: int, stop: StopFlag) -> None:
+        star_kernels(directions, triangles, lengths, first, min(n, first + _PART), volume, boxes, outcome, stop)
+
+    run_parts(part, range(0, n, _PART), n_threads)
+    general = np.flatnonzero(outcome == 0).tolist()
+    for i in general:
+        volume[i], boxes[i] = _general(directions * lengths[i][:, None], triangles)
+    corners = np.linalg.det(directions[triangles]) / 6.0
+    whole = np.prod(lengths[:, triangles], axis=2) @ corners if n else np.zeros(0)
+    return StarKernels(
+        volume=volume, polyhedron_volume=whole, low=boxes[:, :3] + middle, high=boxes[:, 3:] + middle,
+        n_general=len(general),
+    )  # fmt: skip
+
+
+def _triangles(directions: NDArray[np.float64], norms: NDArray[np.float64], faces: ArrayLike | None) -> NDArray[np.int64]:
+    """Triangles that the centre is behind, closed around it."""
+    from voxkernel._checks import as_integers, check_index_range
+
+    if faces is None:
+        triangles = outward_faces(directions / norms[:, None])
+    else:
+        triangles = as_integers("faces", faces, shape="(f, 3)", ndim=2, columns=3).copy()
+        check_index_range("faces", triangles, len(directions))
+        turned = np.linalg.det(directions[triangles]) < 0.0
+        triangles[turned] = triangles[turned][:, ::-1]
+    if (np.linalg.det((directions / norms[:, None])[triangles]) <= 1e-12).any():
+        raise ValueError("`rays` must surround the centre, no three of a face in one plane with it; got some that do not")
+    facts = TriangleMesh.from_triangles(directions / norms[:, None], triangles).facts()
+    if not (facts.is_closed and facts.is_oriented):
+        raise ValueError("`faces` must close around the centre; got some that leave gaps or overlap")
+    return triangles
+
+
+def _general(corners: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[float, NDArray[np.float64]]:
+    kernel = kernel_of_halfspaces(HalfSpaces.from_mesh(TriangleMesh.from_triangles(corners, triangles)), None)
+    if not len(kernel.vertices):
+        return 0.0, np.zeros(6)
+    return kernel.volume, np.concatenate([kernel.vertices.min(axis=0), kernel.vertices.max(axis=0)])

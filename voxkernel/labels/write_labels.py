@@ -1,0 +1,96 @@
+"""Label images, and maps made of them, to files that napari, ITK-SNAP and Fiji open."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._checks import as_path
+from voxkernel._extras import optional
+from voxkernel._output_file import whole_file
+from voxkernel.labels.label_image import as_spacing
+
+__all__ = ["write_labels"]
+
+
+def write_labels(path: str | os.PathLike[str], values: NDArray[Any], *, spacing: Sequence[float]) -> None:
+    """Write an array of voxels with its spacing.
+
+    Parameters
+    ----------
+    path : path
+        `.tif` (as ImageJ writes it), `.nii`, `.nii.gz` or `.npz`.
+    values : array, 2 or 3 axes
+        bool, integers or floats. A `.tif` of ImageJ holds uint8, uint16 and float32: other integers are written as
+        the smallest of these that holds them exactly, other floats rounded to float32.
+    spacing : sequence of float
+        One number for each axis, > 0.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the suffix is another, the spacing does not fit, or a `.tif` cannot hold the values.
+    MissingExtraError
+        If the package that writes the file is not installed: the extra `labels`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_labels(folder + "/map.npz", np.ones((3, 4)), spacing=(2, 1))
+    """
+    target = as_path("path", path)
+    array = np.asarray(values)
+    if array.ndim not in (2, 3):
+        raise ValueError(f"`values` must have 2 or 3 axes; got {array.ndim}")
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"`values` must be numbers; got dtype {array.dtype}")
+    steps = as_spacing(spacing, array.ndim)
+    name = target.name.lower()
+    if name.endswith((".tif", ".tiff")):
+        _write_tiff(target, array, steps)
+    elif name.endswith((".nii", ".nii.gz")):
+        _write_nifti(target, array, steps)
+    elif name.endswith(".npz"):
+        with whole_file(target) as stream:
+            np.savez_compressed(stream, labels=array, spacing=np.array(steps))
+    else:
+        raise ValueError(f"`path` must end in .tif, .tiff, .nii, .nii.gz or .npz; got '{target}'")
+
+
+def _write_tiff(target: Any, array: NDArray[Any], spacing: tuple[float, ...]) -> None:
+    tifffile = optional("tifffile")
+    if array.dtype.kind == "f":
+        array = array.astype(np.float32)
+    else:
+        kinds = [k for k in (np.uint8, np.uint16, np.float32) if np.array_equal(array.astype(k), array)]
+        if not kinds:
+            raise ValueError(f"`values` must be integers that a .tif can hold exactly; got up to {array.max()}")
+        array = array.astype(kinds[0])
+    facts: dict[str, Any] = {"axes": "ZYX" if array.ndim == 3 else "YX"}
+    if array.ndim == 3:
+        facts["spacing"] = spacing[0]
+    with whole_file(target) as stream:
+        tifffile.imwrite(
+            stream, array, imagej=True, resolution=(1 / spacing[-1], 1 / spacing[-2]), metadata=facts
+        )
+
+
+def _write_nifti(target: Any, array: NDArray[Any], spacing: tuple[float, ...]) -> None:
+    nibabel = optional("nibabel")
+    if array.dtype.kind == "b":
+        array = array.astype(np.uint8)
+    steps = [*spacing, *[1.0] * (3 - array.ndim)]
+    image = nibabel.Nifti1Image(array, np.diag([*steps, 1.0]), dtype=array.dtype)
+    image.header.set_zooms(spacing)
+    data = image.to_bytes()
+    if target.name.lower().endswith(".gz"):
+        import gzip
+
+        data = gzip.compress(data, 6, mtime=0)
+    with whole_file(target) as stream:
+        stream.write(data)
