@@ -14,12 +14,16 @@ from voxkernel.exact import KernelPolytope
 from voxkernel.measures import KernelMoments, kernel_points
 from voxkernel.mesh import MeshLike, as_mesh
 from voxkernel.registration.icp import Refine, icp
-from voxkernel.registration.pair import SCORE_REACH, Solution, cropped_to_overlap, scaled, solve, to_local, to_world
+from voxkernel.registration.last import last_refined
+from voxkernel.registration.motions import scaled, to_local, to_world
+from voxkernel.registration.pair import SCORE_REACH, Solution, cropped_to_overlap, solve
+from voxkernel.registration.polish import polished
 from voxkernel.registration.prepare import PreparedSurface, prepare
-from voxkernel.registration.refine import refined
 from voxkernel.registration.result import Candidate, Registration
-from voxkernel.registration.score import ScoredSurface, surface_score
-from voxkernel.registration.search import ScoredCloud, frame_transforms, inverse
+from voxkernel.registration.score import fit_within, surface_score
+from voxkernel.registration.search import frame_transforms, inverse
+from voxkernel.registration.side import Side
+from voxkernel.registration.verdict import verdict_of
 from voxkernel.voxels import KernelGrid
 
 __all__ = [
@@ -37,6 +41,8 @@ __all__ = [
 _MARGINS = (0.06, 0.1, 0.15)
 _KERNEL_REACH = 0.2  # of the larger kernel's diagonal
 _REACH = 0.02  # default `max_distance`, of the larger diagonal
+_SAMPLES = 2000
+_WIDE, _NEAR, _LEAST, _STEPS = 1 / 16, 1 / 45, 1 / 300, 60  # of `refine_alignment`: reaches, shares of the diagonal
 
 
 def register(
@@ -192,7 +198,7 @@ def score_alignment(
     one, two = (_prepared(n, s, ()) for n, s in (("source", source), ("target", target)))
     scale = max(one.diagonal, two.diagonal)
     local = scaled(to_local(one, two, _rigid(T_target_source)), 1.0 / scale)
-    return surface_score(ScoredSurface(one, scale), ScoredSurface(two, scale), local, SCORE_REACH)
+    return surface_score(Side(one.skin, scale, _SAMPLES), Side(two.skin, scale, _SAMPLES), local, SCORE_REACH)
 
 
 def refine_alignment(
@@ -228,8 +234,10 @@ def refine_alignment(
     one, two = (_prepared(n, s, ()) for n, s in (("source", source), ("target", target)))
     scale = max(one.diagonal, two.diagonal)
     start = scaled(to_local(one, two, _rigid(T_target_source)), 1.0 / scale)
-    found = refined(ScoredCloud(one.fine, scale), ScoredCloud(two.fine, scale), start, method)
-    return to_world(one, two, scaled(found.transform, scale)), found.settled
+    sides = Side(one.skin, scale, _SAMPLES), Side(two.skin, scale, _SAMPLES)
+    found = polished(*sides, start, reach=_WIDE, least=_LEAST, steps=_STEPS)
+    motion, rests = last_refined((one, two), sides, found, _NEAR, method)
+    return to_world(one, two, scaled(motion, scale)), rests
 
 
 def align_kernels(
@@ -291,13 +299,15 @@ def _wrapped(
     motion = turned(found.transform)
     scale = max(one.diagonal, two.diagonal)
     local = scaled(to_local(one, two, motion), 1.0 / scale)
-    shown = found.surfaces[::-1] if flipped else found.surfaces
-    fitness, rmse = shown[0].fit(shown[1], local, reach / scale)
+    shown = found.sides[::-1] if flipped else found.sides
+    fitness, rmse = fit_within(*shown, local, reach / scale)
     rmse *= scale
     first = motion if found.by_kernels is None else turned(found.by_kernels.transform)
     return Registration(
         motion, first, fitness, rmse, found.score, reach, float("nan") if found.guess is None else found.guess.margin,
         candidates, found.converged, found.ambiguous, found.reason,
+        verdict_of(found.probability, doubted=found.ambiguous or not found.converged), found.probability,
+        led_by="" if found.guess is None else found.guess.origin,
     )  # fmt: skip
 
 

@@ -1,0 +1,53 @@
+"""Evidence -> the probability that a motion is right, by a model that `datasets_tools/fit_registration_verdict.py` fits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.registration.evidence import Evidence
+from voxkernel.registration.result import Verdict
+
+__all__ = ["NAMES", "believed", "descriptors", "verdict_of"]
+
+# What the model looks at; a weight keeps the sign that the evidence has by its meaning.
+NAMES = (
+    "agreement", "systematic", "noise", "turned", "held", "explained_more", "explained_less", "overlap", "shortfall",
+    "rival", "growth",
+)  # fmt: skip
+_CENTERS = (2.4, -5.6, -5.2, -3.0, -3.2, -0.5, -0.8, -1.0, -2.5, 0.3, -5.0)
+_SPREADS = (1.4, 1.0, 1.0, 0.8, 1.0, 0.5, 0.6, 0.4, 1.2, 0.4, 1.0)
+_WEIGHTS = (1.5, -2.0, -0.2, -0.8, 0.3, 0.4, 0.4, 0.3, -1.0, -0.8, -0.8)
+_BIAS = 1.0
+RIGHT, NO_MATCH = 0.8, 0.2
+
+
+def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.float64]:
+    """Turn evidence, the rank of the runner-up over that of the best, and the scale that fits best into numbers."""
+    e = evidence
+    return np.array([
+        np.log((e.agreement + 0.01) / (1.01 - e.agreement)),
+        np.log(e.systematic + 5e-4),
+        np.log(e.noise + 5e-4),
+        np.log(e.turned + 0.01),
+        np.log(e.held + 1e-3),
+        np.log(e.explained_more + 0.02),
+        np.log(e.explained_less + 0.02),
+        np.log(e.overlap + 0.05),
+        np.log(min(e.shortfall, 10.0) + 5e-3),
+        min(max(rival, 0.0), 1.0),
+        np.log(min(abs(np.log(max(size, 1e-9))), 0.3) + 3e-3),
+    ])
+
+
+def believed(numbers: NDArray[np.float64]) -> float:
+    """Give the probability that a motion with these numbers is right."""
+    normed = (numbers - np.array(_CENTERS)) / np.array(_SPREADS)
+    return float(1.0 / (1.0 + np.exp(-np.clip(normed @ np.array(_WEIGHTS) + _BIAS, -30.0, 30.0))))
+
+
+def verdict_of(probability: float, *, doubted: bool) -> Verdict:
+    """Put a probability into a word; an answer that is one of several is never right without doubt."""
+    if probability < NO_MATCH:
+        return "no match"
+    return "right" if probability >= RIGHT and not doubted else "uncertain"
