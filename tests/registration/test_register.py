@@ -301,7 +301,7 @@ def test_bad_arguments(small_face):
 
 def test_result_as_text(small_face):
     found = register(small_face, small_face)
-    assert repr(found).startswith("Registration(rotation_deg=")
+    assert repr(found).startswith("Registration('right', probability=")
     document = json.loads(json.dumps(found.to_dict()))
     assert document["fitness"] == pytest.approx(1.0)
     assert len(document["candidates"]) == len(found.candidates)

@@ -17,7 +17,7 @@ from voxkernel.registration.icp import Refine, icp
 from voxkernel.registration.pair import SCORE_REACH, Solution, cropped_to_overlap, scaled, solve, to_local, to_world
 from voxkernel.registration.prepare import PreparedSurface, prepare
 from voxkernel.registration.refine import refined
-from voxkernel.registration.result import Candidate, Registration
+from voxkernel.registration.result import Candidate, Registration, Verdict
 from voxkernel.registration.score import ScoredSurface, surface_score
 from voxkernel.registration.search import ScoredCloud, frame_transforms, inverse
 from voxkernel.voxels import KernelGrid
@@ -297,8 +297,19 @@ def _wrapped(
     first = motion if found.by_kernels is None else turned(found.by_kernels.transform)
     return Registration(
         motion, first, fitness, rmse, found.score, reach, float("nan") if found.guess is None else found.guess.margin,
-        candidates, found.converged, found.ambiguous, found.reason,
+        candidates, found.converged, found.ambiguous, found.reason, *_believed(found),
+        led_by="" if found.guess is None else found.guess.origin,
     )  # fmt: skip
+
+
+def _believed(found: Solution) -> tuple[Verdict, float]:
+    """Say whether to believe an answer, from its score alone."""
+    if not found.converged:
+        return "no match", 0.0
+    probability = float(1.0 / (1.0 + np.exp(-20.0 * (found.score - 0.6))))
+    if found.ambiguous:
+        return "uncertain", min(probability, 0.5)
+    return ("right" if probability > 0.9 else "uncertain" if probability > 0.1 else "no match"), probability
 
 
 def as_margins(margins: Any) -> tuple[float, ...]:
