@@ -37,7 +37,16 @@ if TYPE_CHECKING:
     )
     from voxkernel.mesh import MeshFacts, RepairChange, RepairResult, TriangleMesh, as_mesh, repair
     from voxkernel.polyhedral import CellKernels, PolyhedralMesh, cell_kernels, read_polyhedral
-    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
+    from voxkernel.registration import (
+        Candidate,
+        JointRegistration,
+        JudgedPair,
+        PairRegistration,
+        Registration,
+        register,
+        register_many,
+        register_together,
+    )
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
     from voxkernel.spherical import (
@@ -64,6 +73,8 @@ __all__ = [
     "GridReadError",
     "HalfSpaces",
     "Harmonics",
+    "JointRegistration",
+    "JudgedPair",
     "Kernel",
     "KernelGrid",
     "KernelMoments",
@@ -110,6 +121,7 @@ __all__ = [
     "read_vdb",
     "register",
     "register_many",
+    "register_together",
     "repair",
     "spherical_map",
     "star_polyhedra_kernels",
@@ -137,6 +149,8 @@ _HOMES = {
     "GridReadError": "errors",
     "HalfSpaces": "halfspaces",
     "Harmonics": "spherical",
+    "JointRegistration": "registration",
+    "JudgedPair": "registration",
     "Kernel": "exact",
     "KernelGrid": "voxels",
     "KernelMoments": "measures",
@@ -183,6 +197,7 @@ _HOMES = {
     "read_vdb": "vdb",
     "register": "registration",
     "register_many": "registration",
+    "register_together": "registration",
     "repair": "mesh",
     "spherical_map": "spherical",
     "star_polyhedra_kernels": "labels",

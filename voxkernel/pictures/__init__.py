@@ -4,6 +4,7 @@ from voxkernel.pictures.cells_picture import cells_picture
 from voxkernel.pictures.registration_picture import registration_picture
 from voxkernel.pictures.sphere_picture import sphere_picture
 from voxkernel.pictures.surface_picture import interactive_page, surface_picture
+from voxkernel.pictures.together_picture import together_picture
 
 __all__ = [
     "cells_picture",
@@ -11,4 +12,5 @@ __all__ = [
     "registration_picture",
     "sphere_picture",
     "surface_picture",
+    "together_picture",
 ]

@@ -1,0 +1,107 @@
+"""How much speaks for a motion between two scans that overlap in part: log-odds from what lies close together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.registration.joint_refinement import refined_together
+from voxkernel.registration.pair import scaled, to_local, to_world
+from voxkernel.registration.prepare import PreparedSurface
+from voxkernel.registration.register import register
+from voxkernel.registration.score import ScoredSurface
+from voxkernel.registration.search import inverse
+from voxkernel.registration.shortlist import Likeness
+
+__all__ = ["SURE", "Closeness", "Trial", "closeness", "evidence_of", "tried"]
+
+_REACH = 1 / 30  # of the common size
+_TIGHT = 1 / 8  # of the reach
+# Fitted to pairs of the tuning half of `datasets_tools/scan_sets.py`, right within 3 degrees and 1.5 %.
+_BASE, _PER_TIGHT, _PER_OVERLAP, _PER_MATCHES = -10.2, 13.1, 0.46, 0.78
+_CERTAIN = 6.0
+SURE = 2.0  # log-odds from which a pair is right by itself
+_POSSIBLE = -1.5  # below these it is no match
+
+
+class Closeness(NamedTuple):
+    """Of two surfaces, what lies near the other, and of that what faces it and what lies tightly on it; in [0, 1].
+
+    `overlap` is a share of the smaller area, `facing` and `tight` are shares of the area that lies near.
+    """
+
+    overlap: float
+    facing: float
+    tight: float
+
+
+def closeness(one: ScoredSurface, two: ScoredSurface, motion: NDArray[np.float64]) -> Closeness:
+    """Measure how a motion lays the first surface on the second; both are in units of the common size."""
+    near = facing = tight = 0.0
+    for surface, other, there in ((one, two, motion), (two, one, inverse(motion))):
+        distances, faces_it = surface.distances_to(other, there)
+        within = distances < _REACH
+        near += float(surface.areas[within].sum())
+        facing += float(surface.areas[within & faces_it].sum())
+        tight += float(surface.areas[within & faces_it & (distances < _TIGHT * _REACH)].sum())
+    if near == 0.0:
+        return Closeness(0.0, 0.0, 0.0)
+    least = min(float(one.areas.sum()), float(two.areas.sum()))
+    return Closeness(min(1.0, 0.5 * near / least), facing / near, tight / near)
+
+
+class Trial(NamedTuple):
+    """The best motion found for a pair, in world coordinates, with the log-odds that it is right."""
+
+    motion: NDArray[np.float64]
+    evidence: float
+    led_by: str
+    closeness: Closeness
+
+    @property
+    def verdict(self) -> str:
+        """What to call it by itself."""
+        return "right" if self.evidence >= SURE else "uncertain" if self.evidence >= _POSSIBLE else "no match"
+
+    @property
+    def probability(self) -> float:
+        """That it is right, by itself."""
+        return float(1.0 / (1.0 + np.exp(-self.evidence)))
+
+
+def evidence_of(close: Closeness, matches: float) -> float:
+    """Log-odds that a motion is right, from a logistic regression over pairs of partial scans.
+
+    `datasets_tools/evaluate_together.py` measures what it is worth on scans that it was not fitted to.
+    """
+    if close.overlap == 0.0:
+        return -_CERTAIN
+    odds = _BASE + _PER_TIGHT * close.tight + _PER_OVERLAP * close.overlap + _PER_MATCHES * np.log1p(matches)
+    return float(np.clip(odds, -_CERTAIN, _CERTAIN))
+
+
+def tried(
+    one: PreparedSurface, two: PreparedSurface, like: Likeness, size: float, margins: tuple[float, ...] | None
+) -> Trial:
+    """Refine the motions that matched descriptors ask for; where none is sure and `margins` are given, register."""
+    surfaces = ScoredSurface(one, size), ScoredSurface(two, size)
+    best = Trial(np.full((4, 4), np.nan), -_CERTAIN, "", Closeness(0.0, 0.0, 0.0))
+    for motion in like.motions:
+        start = np.stack([np.eye(4), scaled(inverse(motion), size)])
+        local = inverse(refined_together([one, two], start, size).poses[1])
+        close = closeness(*surfaces, scaled(local, 1.0 / size))
+        found = evidence_of(close, like.matches)
+        if not best.led_by or found > best.evidence:
+            best = Trial(to_world(one, two, local), found, "matches", close)
+    if best.evidence >= SURE or margins is None:
+        return best
+    answer = register(one, two, margins=margins)
+    if answer.verdict == "no match":
+        return best
+    local = to_local(one, two, answer.T_target_source)
+    close = closeness(*surfaces, scaled(local, 1.0 / size))
+    own = float(np.clip(answer.probability, 1e-3, 1.0 - 1e-3))
+    found = 0.5 * (evidence_of(close, like.matches) + float(np.log(own / (1.0 - own))))
+    return Trial(answer.T_target_source, found, "register", close) if found > best.evidence else best
