@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import oracle
 import pytest
-from rational_cutting import clip_polyhedron
 import shapes
+from rational_cutting import clip_polyhedron
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from voxkernel.exact import exact_kernel

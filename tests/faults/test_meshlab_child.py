@@ -100,6 +100,13 @@ def test_a_child_asleep_is_ended(says, monkeypatch):
         reader.read(says("sleep"))
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell processor times")
+def test_a_child_that_waits_for_ever_is_ended_long_before_its_time_is_over(says, monkeypatch):
+    monkeypatch.setattr(other_formats, "_ASLEEP_SECONDS", 2)
+    with MeshlabReader() as reader, pytest.raises(MeshReadError, match=r"PyMeshLab did nothing for 2 s$"):
+        reader.read(says("sleep"))
+
+
 def test_values_are_checked_by_the_caller(says):
     with pytest.raises(MeshError, match=r"a\.fbx'.*must be .*got 4"):
         as_mesh(says("index"))

@@ -17,8 +17,8 @@ from voxkernel._frozen import Frozen
 from voxkernel._plain import json_text
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate
-from voxkernel.exact.membership import points_inside
 from voxkernel.exact.meeting_points import RationalPoint, meeting_points
+from voxkernel.exact.membership import points_inside
 from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.halfspaces import Domain
 from voxkernel.mesh import TriangleMesh

@@ -19,7 +19,7 @@ from voxkernel.exact.dual_hull import (
     reach_of,
     relevant_rows,
 )
-from voxkernel.exact.inner_point import InnerPoint, inner_point
+from voxkernel.exact.inner_point import inner_point
 from voxkernel.exact.meeting_points import RationalPoint, meeting_points
 from voxkernel.exact.rational_kernel import rational_kernel, rational_moments
 from voxkernel.halfspaces import Feasibility, HalfSpaces
@@ -42,8 +42,8 @@ _SMALL = 100
 class Shape(Frozen):
     """A convex polytope; `rows` are the half-spaces of its faces.
 
-    The planes of the three `vertex_rows` meet in a vertex; without them `corners` are the vertices, exactly. `residual` is how far a rounded vertex lies outside a half-space, `rounding` a bound on the
-    relative error of the volume.
+    The planes of the three `vertex_rows` meet in a vertex; without them `corners` are the vertices, exactly.
+    `residual` bounds how far a rounded vertex lies from the exact one, `rounding` the relative error of the volume.
     """
 
     vertices: NDArray[np.float64]

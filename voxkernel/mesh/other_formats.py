@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from threading import Timer
+from threading import Event, Thread
 from typing import Any, Self
 from urllib.parse import unquote
 
@@ -25,6 +25,9 @@ __all__ = ["MeshlabReader", "read_with_meshlab"]
 _MEMORY, _MEMORY_PER_BYTE = 2**30, 128
 _SECONDS, _SECONDS_PER_BYTE = 60, 2e-5
 _WALL_SECONDS, _WALL_FACTOR = 300, 5
+# A child that uses no processor time for so long waits for something that never comes: a damaged file can bring the
+# threads of the library to wait for each other.
+_ASLEEP_SECONDS = 30
 _PROGRAM = Path(__file__).with_name("meshlab_child.py")
 # The child finds the modules that this process finds; `-P` alone keeps those of this folder from hiding others.
 _START = "import json, runpy, sys; sys.path[:] = json.loads(sys.argv[1]); runpy.run_path(sys.argv[2], None, '__main__')"
@@ -74,24 +77,53 @@ class MeshlabReader:
         }
         limit = _WALL_SECONDS + _WALL_FACTOR * seconds
         process = self._process = self._process or _start(file)
-        start = time.monotonic()
-        timer = Timer(limit, process.kill)
-        timer.daemon = True
-        timer.start()
+        watch = _Watch(process, limit)
         try:
             return _ask(process, request)
         except _Refused as error:
             raise MeshReadError(f"'{file}' is not a readable {file.suffix.lower()} file: {error}") from error
         except (OSError, EOFError, ValueError, KeyError, TypeError, MemoryError) as error:
-            is_late = time.monotonic() - start >= limit
             self.close()
-            end = f"PyMeshLab took more than {limit} s" if is_late else _end_of(process.returncode, seconds, error)
+            end = watch.reason or _end_of(process.returncode, seconds, error)
             raise MeshReadError(f"'{file}' cannot be read: {end}") from error
         except BaseException:  # an interrupt: the next answer would be that of this file
             self.close()
             raise
         finally:
-            timer.cancel()
+            watch.over.set()
+
+
+class _Watch:
+    """A thread that kills a child after `limit` seconds, or when it has slept for too long; `reason` says which."""
+
+    def __init__(self, process: subprocess.Popen[bytes], limit: float) -> None:
+        self.over = Event()
+        self.reason = ""
+        Thread(target=self._run, args=(process, limit), daemon=True).start()
+
+    def _run(self, process: subprocess.Popen[bytes], limit: float) -> None:
+        start = awake = time.monotonic()
+        used = _processor_ticks(process.pid)
+        while not self.over.wait(max(0.0, min(1.0, start + limit - time.monotonic()))):
+            now, ticks = time.monotonic(), _processor_ticks(process.pid)
+            if ticks is None or ticks != used:
+                awake, used = now, ticks
+            if now - start >= limit:
+                self.reason = f"PyMeshLab took more than {limit} s"
+            elif now - awake >= _ASLEEP_SECONDS:
+                self.reason = f"PyMeshLab did nothing for {_ASLEEP_SECONDS} s"
+            if self.reason:
+                process.kill()
+                return
+
+
+def _processor_ticks(pid: int) -> int | None:
+    """Processor time a process has used; None where the system does not tell."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return int(fields[11]) + int(fields[12])
+    except (OSError, ValueError, IndexError):
+        return None
 
 
 class _Refused(Exception):
