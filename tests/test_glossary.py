@@ -17,8 +17,8 @@ from voxkernel.registration import prepare_surface
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "glossary.md"
 FACES = (
-    "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "measures", "spherical", "registration",
-    "polyhedral", "pictures", "evaluation", "report",
+    "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "guarding", "measures", "spherical",
+    "registration", "polyhedral", "pictures", "evaluation", "report",
 )  # fmt: skip
 REQUIRED = "required"
 

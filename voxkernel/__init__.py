@@ -10,6 +10,16 @@ if TYPE_CHECKING:
     from voxkernel.evaluation import EvaluateSettings, EvaluationResult, evaluate
     from voxkernel.exact import Certificate, Kernel, KernelPolytope, exact_kernel
     from voxkernel.grid import SparseGrid
+    from voxkernel.guarding import (
+        CertifiedParts,
+        GuardBound,
+        Guards,
+        GuardsProgress,
+        StarCover,
+        StarPiece,
+        guards,
+        star_cover,
+    )
     from voxkernel.halfspaces import Domain, HalfSpaces
     from voxkernel.measures import (
         DefectProfile,
@@ -44,12 +54,16 @@ __all__ = [
     "Candidate",
     "CellKernels",
     "Certificate",
+    "CertifiedParts",
     "CoverageCertificate",
     "DefectProfile",
     "Domain",
     "EvaluateSettings",
     "EvaluationResult",
     "GridReadError",
+    "GuardBound",
+    "Guards",
+    "GuardsProgress",
     "HalfSpaces",
     "Harmonics",
     "Kernel",
@@ -73,6 +87,8 @@ __all__ = [
     "SphereGrid",
     "SphericalMap",
     "StarCenter",
+    "StarCover",
+    "StarPiece",
     "Starshapeness",
     "TriangleMesh",
     "VdbFile",
@@ -84,6 +100,7 @@ __all__ = [
     "defect_profile",
     "evaluate",
     "exact_kernel",
+    "guards",
     "kernel_moments",
     "kernel_points",
     "read_polyhedral",
@@ -92,6 +109,7 @@ __all__ = [
     "register_many",
     "repair",
     "spherical_map",
+    "star_cover",
     "starshapeness",
     "violation",
     "violation_grid",
@@ -107,12 +125,16 @@ _HOMES = {
     "Candidate": "registration",
     "CellKernels": "polyhedral",
     "Certificate": "exact",
+    "CertifiedParts": "guarding",
     "CoverageCertificate": "spherical",
     "DefectProfile": "measures",
     "Domain": "halfspaces",
     "EvaluateSettings": "evaluation",
     "EvaluationResult": "evaluation",
     "GridReadError": "errors",
+    "GuardBound": "guarding",
+    "Guards": "guarding",
+    "GuardsProgress": "guarding",
     "HalfSpaces": "halfspaces",
     "Harmonics": "spherical",
     "Kernel": "exact",
@@ -136,6 +158,8 @@ _HOMES = {
     "SphereGrid": "spherical",
     "SphericalMap": "spherical",
     "StarCenter": "relaxed",
+    "StarCover": "guarding",
+    "StarPiece": "guarding",
     "Starshapeness": "measures",
     "TriangleMesh": "mesh",
     "VdbFile": "vdb",
@@ -147,6 +171,7 @@ _HOMES = {
     "defect_profile": "measures",
     "evaluate": "evaluation",
     "exact_kernel": "exact",
+    "guards": "guarding",
     "kernel_moments": "measures",
     "kernel_points": "measures",
     "read_polyhedral": "polyhedral",
@@ -155,6 +180,7 @@ _HOMES = {
     "register_many": "registration",
     "repair": "mesh",
     "spherical_map": "spherical",
+    "star_cover": "guarding",
     "starshapeness": "measures",
     "violation": "relaxed",
     "violation_grid": "voxels",
@@ -165,8 +191,8 @@ _HOMES = {
     "write_vdb": "vdb",
 }
 _FOLDERS = (
-    "errors", "evaluation", "exact", "grid", "halfspaces", "measures", "mesh", "pictures", "polyhedral", "registration",
-    "relaxed", "report", "spherical", "vdb", "voxels",
+    "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "measures", "mesh", "pictures", "polyhedral",
+    "registration", "relaxed", "report", "spherical", "vdb", "voxels",
 )  # fmt: skip
 
 
