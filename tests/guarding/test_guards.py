@@ -1,5 +1,7 @@
 """Few points that see a surface: known answers, laws, and every error."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import shapes
@@ -63,7 +65,8 @@ def test_seen_is_what_an_independent_check_sees():
     ids = rng.choice(len(mesh.faces), 1500, p=mesh.facet_areas / mesh.facet_areas.sum())
     weights = rng.dirichlet([1, 1, 1], len(ids))
     spots = np.einsum("ik,ikj->ij", weights, mesh.vertices[mesh.faces[ids]])
-    seen = [any(sees(mesh.vertices, mesh.faces, g, s, f) for g in found.points) for s, f in zip(spots, ids, strict=True)]
+    pairs = list(zip(spots, ids, strict=True))
+    seen = [any(sees(mesh.vertices, mesh.faces, g, spot, f) for g in found.points) for spot, f in pairs]
     assert np.mean(seen) == pytest.approx(found.seen, abs=4 * 0.5 / np.sqrt(1500))
     assert found.certified <= found.seen_bounds[0] + 1e-12
     assert found.seen <= found.facing_bound
@@ -113,7 +116,7 @@ def test_a_shell_inside_that_faces_outwards_is_a_body_and_hides_what_is_behind_i
 
 
 def test_what_nobody_inside_can_see_is_a_reason():
-    """Of two boxes that coincide in a wall, each hides a part of the other's inside: self-intersections are answered."""
+    """Facets of two boxes that cross hide each other as they lie: an answer, and no error."""
     crossing = shapes.joined(shapes.box((0, 0, 0), (2, 2, 2)), shapes.box((1, 1, 1), (3, 3, 3)))
     found = voxkernel.guards(crossing, coverage=1.0, max_guards=6)
     assert found.is_reached or found.reason
@@ -183,7 +186,7 @@ def test_progress_is_told():
     assert {p.stage for p in told} == {"search", "confirm", "certify"}
     assert told[-1].n_guards >= 2
     assert "guards see" in str(told[0])
-    assert all(a.seconds <= b.seconds for a, b in zip(told, told[1:], strict=False))
+    assert all(a.seconds <= b.seconds for a, b in pairwise(told))
 
 
 def test_progress_may_interrupt():

@@ -15,15 +15,15 @@ __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_
 
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
 _FORMAT = 1  # counts up when the same settings give other rows
-_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails")
+_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails", "guards")
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluateSettings:
     """Settings of `voxkernel.evaluate`.
 
-    The first seven decide what is in a row: rows made with others are computed again. The rest may change from
-    one run to the next.
+    The first seven and `guards` decide what is in a row: rows made with others are computed again. The rest may
+    change from one run to the next.
 
     Parameters
     ----------
@@ -55,6 +55,8 @@ class EvaluateSettings:
         Try again what failed in an earlier run.
     csv : bool
         Write `rows.csv` as well.
+    guards : float, optional
+        Share of the area that guards shall see, in (0, 1]; None leaves them out.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class EvaluateSettings:
     scheduler: str | None = None
     retry_failed: bool = False
     csv: bool = False
+    guards: float | None = None
 
     def __post_init__(self) -> None:
         """Check every value before anything is computed."""
@@ -91,6 +94,8 @@ class EvaluateSettings:
         object.__setattr__(self, "tolerances", as_each("tolerances", self.tolerances, as_share))
         if self.energies is not None:
             as_depth("energies", self.energies, 0, 256)
+        if self.guards is not None and not 0.0 < as_share("guards", self.guards):
+            raise ValueError(f"`guards` must be in (0, 1]; got {self.guards:g}")
         if self.views != "all":
             as_depth("views", self.views, 0, 2**31)
         if self.timeout is not None:
@@ -115,6 +120,8 @@ class EvaluateSettings:
     def of_results(self) -> dict[str, Any]:
         """Give the settings that decide what is in a row."""
         values = {name: getattr(self, name) for name in _RESULTS}
+        if self.guards is None:  # as runs of earlier versions have it
+            del values["guards"]
         return {**values, "tolerances": list(self.tolerances)}
 
 

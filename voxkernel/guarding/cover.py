@@ -85,6 +85,11 @@ class Cover:
         """Share of the samples that the guards see."""
         return _count(union_of(self.seen, self.width)) / len(self.spots)
 
+    def sort(self) -> None:
+        """Put the guard that sees the most first."""
+        order = sorted(range(len(self.points)), key=lambda i: -_count(self.seen[i]))
+        self.points, self.seen = [self.points[i] for i in order], [self.seen[i] for i in order]
+
     def run(self, coverage: float, most: int, is_confirmed: Callable[[list[NDArray[np.float64]]], float]) -> str:
         """Add guards until `is_confirmed`, the share of fresh samples they see, is enough; say why if it is not."""
         need = ceil(coverage * len(self.spots))

@@ -1,12 +1,14 @@
 """Surfaces and results in, PNG files and offline HTML pages out."""
 
 from voxkernel.pictures.cells_picture import cells_picture
+from voxkernel.pictures.guards_picture import guards_picture
 from voxkernel.pictures.registration_picture import registration_picture
 from voxkernel.pictures.sphere_picture import sphere_picture
 from voxkernel.pictures.surface_picture import interactive_page, surface_picture
 
 __all__ = [
     "cells_picture",
+    "guards_picture",
     "interactive_page",
     "registration_picture",
     "sphere_picture",
