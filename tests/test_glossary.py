@@ -132,6 +132,7 @@ CALLS = {
     "cell_kernels": lambda **o: voxkernel.cell_kernels(CELLS, **o),
     "defect_profile": lambda **o: voxkernel.defect_profile(CUBE, **o),
     "exact_kernel": lambda **o: voxkernel.exact_kernel(CUBE, **o),
+    "guards": lambda **o: voxkernel.guards(CUBE, **o),
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),

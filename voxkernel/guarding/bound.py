@@ -81,8 +81,10 @@ def guard_bound(
     that of the smallest weights. A linear program finds weights; integers prove it. No guards of an area share of
     `coverage`, fixed before the samples were drawn, see fewer than `n_needed` of them but with `error_probability`.
     """
-    spots = sight.samples(_N_SAMPLES, rng)
     need, error = _needed(coverage)
+    if n_found == 1:  # nothing to prove
+        return GuardBound(1, 0.0, 1, coverage, _N_SAMPLES, need, 0.0, 0, "")
+    spots = sight.samples(_N_SAMPLES, rng)
     cells = Cells(sight, outside_grid(sight, _GRID), spots)
     least, linear, reason, n_before = 1, 0.0, "", 0
     for _ in range(_ROUNDS):
