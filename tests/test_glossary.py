@@ -17,8 +17,8 @@ from voxkernel.registration import prepare_surface
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "glossary.md"
 FACES = (
-    "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "measures", "spherical", "registration",
-    "polyhedral", "pictures", "evaluation", "report",
+    "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "guarding", "measures", "spherical",
+    "registration", "polyhedral", "pictures", "evaluation", "report",
 )  # fmt: skip
 REQUIRED = "required"
 
@@ -132,6 +132,7 @@ CALLS = {
     "cell_kernels": lambda **o: voxkernel.cell_kernels(CELLS, **o),
     "defect_profile": lambda **o: voxkernel.defect_profile(CUBE, **o),
     "exact_kernel": lambda **o: voxkernel.exact_kernel(CUBE, **o),
+    "guards": lambda **o: voxkernel.guards(CUBE, **o),
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),

@@ -26,6 +26,7 @@ FOLDERS = {
     "grid": "",
     "vdb": "grid",
     "voxels": None,
+    "guarding": None,
     "measures": None,
     "spherical": None,
     "registration": None,

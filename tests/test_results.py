@@ -69,6 +69,11 @@ def pair():
     return voxkernel.register_many([mesh, mesh], refine="none")[0]
 
 
+@cache
+def comb():
+    return voxkernel.guards(shapes.l_prism())
+
+
 def polygon_mesh():
     return voxkernel.TriangleMesh.from_polygons(*shapes.prism_polygons([(0, 0), (2, 0), (2, 1), (0, 1)]))
 
@@ -86,10 +91,12 @@ def vdb_file(folder):
 REAL = {
     "Candidate": lambda _: pair().registration.candidates[0],
     "CellKernels": lambda _: voxkernel.cell_kernels(cells()),
+    "CertifiedParts": lambda _: comb().parts,
     "Certificate": lambda _: voxkernel.exact_kernel(CUBE).certificate,
     "CoverageCertificate": lambda _: voxkernel.spherical_map(shapes.open_hemisphere()).certificate,
     "DefectProfile": lambda _: voxkernel.defect_profile(CUBE, tolerances=[0.0, 0.5], depth=3),
     "Domain": lambda _: planes_domain(np.r_[np.eye(3), -np.eye(3)], np.ones(6)),
+    "Guards": lambda _: comb(),
     "HalfSpaces": lambda _: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE)),
     "Harmonics": lambda _: star().harmonics(2),
     "KernelGrid": lambda _: grid(),
@@ -105,6 +112,8 @@ REAL = {
     "SparseGrid": lambda _: dataclasses.replace(grid().inside, metadata={"alpha": 0.5}),
     "SphereGrid": lambda _: star().sample(n=8).grid,
     "SphericalMap": lambda _: star(),
+    "StarCover": lambda _: voxkernel.star_cover(comb()),
+    "StarPiece": lambda _: voxkernel.star_cover(comb()).pieces[0],
     "StarCenter": lambda _: voxkernel.best_center(CUBE),
     "Starshapeness": lambda _: voxkernel.starshapeness(CUBE),
     "TriangleMesh": lambda _: polygon_mesh(),

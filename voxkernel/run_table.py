@@ -41,6 +41,8 @@ COLUMNS = {
     "star_center_x": "double", "star_center_y": "double", "star_center_z": "double",
     "profile_tolerances": "list<double>", "profile_shares": "list<double>",
     "visible_fraction": "double", "visible_lower": "double", "visible_upper": "double", "energies": "list<double>",
+    # few points that see a share of the area
+    "guards": "int64", "guards_seen": "double", "guards_certified": "double", "guards_reason": "string",
     # of cells only
     "inradius": "double", "volume_share": "double", "inradius_over_diameter": "double",
     # of objects of a label image only; positions and spacing in the order of its axes

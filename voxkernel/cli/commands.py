@@ -21,7 +21,9 @@ from voxkernel.errors import VoxKernelError
 
 __all__ = ["COMMANDS", "parsed", "parser", "run"]
 
-COMMANDS = ("kernel", "center", "score", "sphere", "register", "labels", "evaluate", "report", "info", "demo")
+COMMANDS = (
+    *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "demo"),
+)
 _FAILED, _BAD_USAGE = 1, 2
 
 

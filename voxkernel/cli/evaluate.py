@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     row.add_argument("--tolerances", metavar="A,B", help="shares of the defect profile; 0.01,0.03,0.1 by default")
     row.add_argument("--profile", action="store_true", help="defect profile for 26 tolerances, 0 to 0.5")
     row.add_argument("--visible", action="store_true", help="cast rays: how much is visible from the star centre")
+    row.add_argument("--guards", type=float, metavar="C", help="how many points see this share of the area, 0.99")
     row.add_argument("--energies", type=int, metavar="L", help="spherical-harmonic energies up to this degree")
     row.add_argument("--label-images", action="store_true", help="take label images of folders and globs, too")
     row.add_argument("--labels", metavar="CSV", help="columns file,label; or the word 'folders'")
@@ -109,7 +110,7 @@ def _settings(args: argparse.Namespace) -> Any:
         if args.tolerances is not None:
             options["tolerances"] = _tolerances(args.tolerances)
         return EvaluateSettings(
-            domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies,
+            domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies, guards=args.guards,
             thumbnails=args.thumbnails, views=_views(args.views),
             timeout=args.timeout or None, memory_limit=args.memory_limit, workers=args.workers,
             scheduler=args.scheduler, retry_failed=args.retry_failed, csv=args.csv, **options,

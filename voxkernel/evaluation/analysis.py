@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from voxkernel._plain import plain
+from voxkernel.errors import MeshError
 from voxkernel.evaluation.settings import EvaluateSettings
 from voxkernel.labels import is_label_file
 from voxkernel.measures import Starshapeness, defect_profile, starshapeness
@@ -161,12 +162,28 @@ def _relaxed(mesh: TriangleMesh, score: Starshapeness, settings: EvaluateSetting
         seen = visible_fraction(mesh, score.star_center)
         row |= {"visible_fraction": seen.fraction}
         row |= {"visible_lower": seen.bounds[0], "visible_upper": seen.bounds[1]}
+    if settings.guards is not None:
+        row |= _guarded(mesh, settings.guards)
     if settings.energies is not None:
         from voxkernel.spherical import spherical_map
 
         seen_from = spherical_map(mesh, center=score.star_center)
         row["energies"] = plain(seen_from.harmonics(settings.energies).energies)
     return row
+
+
+def _guarded(mesh: TriangleMesh, coverage: float) -> dict[str, Any]:
+    """Count the guards; a surface without an inner side has none, and a reason."""
+    from voxkernel.guarding import guards
+
+    try:
+        found = guards(mesh, coverage=coverage)
+    except MeshError as error:
+        return {"guards_reason": str(error)}
+    return {
+        "guards": len(found), "guards_seen": found.seen, "guards_certified": found.certified,
+        "guards_reason": found.reason,
+    }  # fmt: skip
 
 
 def _cells_of(path: str) -> Analysis | None:

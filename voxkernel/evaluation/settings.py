@@ -16,15 +16,18 @@ __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_
 
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
 _FORMAT = 2  # counts up when the same settings give other rows
-_RESULTS = ("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails", "spacing", "n_rays", "surface")
+_RESULTS = (
+    *("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails", "spacing", "n_rays", "surface"),
+    "guards",
+)
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluateSettings:
     """Settings of `voxkernel.evaluate`.
 
-    The first ten decide what is in a row: rows made with others are computed again. The rest may change from
-    one run to the next.
+    The first ten and `guards` decide what is in a row: rows made with others are computed again. The rest may
+    change from one run to the next.
 
     Parameters
     ----------
@@ -64,6 +67,8 @@ class EvaluateSettings:
         Try again what failed in an earlier run.
     csv : bool
         Write `rows.csv` as well.
+    guards : float, optional
+        Share of the area that guards shall see, in (0, 1]; None leaves them out.
 
     Raises
     ------
@@ -94,6 +99,7 @@ class EvaluateSettings:
     scheduler: str | None = None
     retry_failed: bool = False
     csv: bool = False
+    guards: float | None = None
 
     def __post_init__(self) -> None:
         """Check every value before anything is computed."""
@@ -107,6 +113,8 @@ class EvaluateSettings:
         if self.spacing is not None:
             object.__setattr__(self, "spacing", as_each("spacing", self.spacing, as_positive))
         object.__setattr__(self, "n_rays", as_ray_counts(self.n_rays, 3))
+        if self.guards is not None and not 0.0 < as_share("guards", self.guards):
+            raise ValueError(f"`guards` must be in (0, 1]; got {self.guards:g}")
         if self.views != "all":
             as_depth("views", self.views, 0, 2**31)
         if self.timeout is not None:
@@ -133,6 +141,9 @@ class EvaluateSettings:
         values = {name: getattr(self, name) for name in _RESULTS}
         spacing = None if self.spacing is None else list(self.spacing)
         return {**values, "tolerances": list(self.tolerances), "n_rays": list(self.n_rays), "spacing": spacing}
+        if self.guards is None:  # as runs of earlier versions have it
+            del values["guards"]
+        return {**values, "tolerances": list(self.tolerances)}
 
 
 def settings_text(settings: EvaluateSettings) -> str:

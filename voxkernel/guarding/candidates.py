@@ -31,7 +31,9 @@ def start_points(
     return points[sight.allowed(points)]
 
 
-def in_sight_of(sight: Sight, spots: Spots, each: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def in_sight_of(
+    sight: Sight, spots: Spots, each: int, distance: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Points on chords that start at spots."""
     several = spots.some(np.repeat(np.arange(len(spots)), each))
     directions = _inward(sight, several, 0.7, rng)

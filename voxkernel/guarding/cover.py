@@ -22,6 +22,7 @@ _N_NEAR = 24  # moves tried for a guard at a time
 _REACH = 0.05  # their size, in diagonals
 _MOST_MOVED = 12  # guards moved in one round
 _ROUNDS = 3
+_DROPS = 3  # guards tried to do without
 
 Words = NDArray[np.uint64]
 
@@ -60,17 +61,15 @@ class Cover:
     ) -> None:
         self.sight, self.distance, self.rng, self.clock = sight, distance, rng, clock
         self.may_move = given is None
+        self.faces = faces
         self.spots = sight.samples(_N_SAMPLES, rng, faces)
         self.width = -(-_N_SAMPLES // 64)
-        points = first
-        if given is None:
-            points = np.concatenate([first, start_points(sight, faces, _N_START, distance, rng)])
-        else:
-            points = given
-        self.candidates = points
-        self.sets = self._seen_by(points)
+        self.candidates = first if given is None else given
+        self.sets = self._seen_by(self.candidates)
         self.points: list[NDArray[np.float64]] = []
         self.seen: list[Words] = []
+        if given is None and not (len(first) and _count(self.sets[0]) == len(self.spots)):
+            self._propose(start_points(sight, faces, _N_START, distance, rng))
 
     def _seen_by(self, points: NDArray[np.float64]) -> Words:
         """In chunks, so that a time limit is kept: what was not looked at sees nothing."""
@@ -85,6 +84,11 @@ class Cover:
     def share(self) -> float:
         """Share of the samples that the guards see."""
         return _count(union_of(self.seen, self.width)) / len(self.spots)
+
+    def sort(self) -> None:
+        """Put the guard that sees the most first."""
+        order = sorted(range(len(self.points)), key=lambda i: -_count(self.seen[i]))
+        self.points, self.seen = [self.points[i] for i in order], [self.seen[i] for i in order]
 
     def run(self, coverage: float, most: int, is_confirmed: Callable[[list[NDArray[np.float64]]], float]) -> str:
         """Add guards until `is_confirmed`, the share of fresh samples they see, is enough; say why if it is not."""
@@ -114,14 +118,9 @@ class Cover:
 
     def _refresh(self) -> None:
         """Draw other samples: all of these are seen, but the surface is not."""
-        self.spots = self.sight.samples(_N_SAMPLES, self.rng, np.unique(self.faces))
+        self.spots = self.sight.samples(_N_SAMPLES, self.rng, self.faces)
         self.sets = self._seen_by(self.candidates)
         self.seen = list(self.sight.sets_seen(np.array(self.points), self.spots)) if self.points else []
-
-    @property
-    def faces(self) -> NDArray[np.int64]:
-        """Faces that have samples."""
-        return self.spots.faces
 
     def _add(self) -> bool:
         """Take the candidate that sees the most of what is left, new ones in sight of it among them."""
@@ -142,9 +141,11 @@ class Cover:
             return
         ids = self.rng.choice(ids, min(len(ids), _N_AIMED), replace=False)
         points = in_sight_of(self.sight, self.spots.some(ids), 3, self.distance, self.rng)
-        if len(points):
-            self.candidates = np.concatenate([self.candidates, points])
-            self.sets = np.concatenate([self.sets, self._seen_by(points)])
+        self._propose(points)
+
+    def _propose(self, points: NDArray[np.float64]) -> None:
+        self.candidates = np.concatenate([self.candidates, points])
+        self.sets = np.concatenate([self.sets, self._seen_by(points)])
 
     def _improve(self, need: int, rounds: int = _ROUNDS) -> None:
         """Exchange or move one guard at a time, where that gains samples."""
@@ -186,12 +187,16 @@ class Cover:
 
     def _drop(self, need: int) -> None:
         """Leave one guard out as long as the others, moved, still see enough."""
+        if self.may_move and len(self.points) > 1:
+            self._aim(~union_of(self.seen, self.width))
         while len(self.points) > 1 and not self.clock.is_over:
             losses = [_count(s & ~union_of(self.seen, self.width, leave_out=i)) for i, s in enumerate(self.seen)]
             kept = list(self.points), list(self.seen)
-            i = int(np.argmin(losses))
-            del self.points[i], self.seen[i]
-            self._improve(need, _ROUNDS + 2)
-            if _count(union_of(self.seen, self.width)) < need:
-                self.points, self.seen = kept
+            for i in np.argsort(losses, kind="stable")[:_DROPS].tolist():
+                del self.points[i], self.seen[i]
+                self._improve(need, _ROUNDS + 2)
+                if _count(union_of(self.seen, self.width)) >= need:
+                    break
+                self.points, self.seen = list(kept[0]), list(kept[1])
+            else:
                 return

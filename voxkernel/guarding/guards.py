@@ -195,6 +195,7 @@ def _searched(
         cover = Cover(sight, faces, first, local, distance, rng, clock)
         confirm = _Confirmed(sight, faces, coverage, rng)
         why = cover.run(coverage, most - len(points), confirm)
+        cover.sort()
         points += cover.points
         owners += [body] * len(cover.points)
         if why:

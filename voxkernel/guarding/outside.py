@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from voxkernel._core import cells_may_see, clearances
 from voxkernel._threads import run_parts
-from voxkernel.guarding.sight import Sight, Spots
+from voxkernel.guarding.sight import Sight, Spots, turns_around
 
 __all__ = ["OutsideGrid", "outside_grid"]
 
 _MARGIN = 3  # nodes around the bounding box
+_MOST_HOLLOWS = 32  # parts of space away from the surface that are looked at, the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,9 @@ def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
     """Measure distances at the nodes of a grid and flood it from its border.
 
     Two neighbours are on one side of the surface where one of them is farther from it than they are apart. So what the
-    flood reaches is outside for certain; narrow gaps and hollows are not reached, and hide nothing.
+    flood reaches is outside for certain; narrow gaps are not reached, and hide nothing. So are hollows that the surface
+    does not go around: the sum of angles is a whole number, and its rounding far from a half this far away from all
+    facets.
     """
     from scipy.ndimage import binary_dilation, label
 
@@ -81,6 +84,17 @@ def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
     labels, _ = label(free)
     border = np.ones(tuple(shape), np.bool_)
     border[1:-1, 1:-1, 1:-1] = False
-    reached = np.isin(labels, np.unique(labels[border & free])) & free
+    known = np.unique(labels[border & free])
+    sizes = np.bincount(labels.reshape(-1))
+    sizes[0] = sizes[known] = 0
+    hollows = [
+        part for part in np.argsort(-sizes, kind="stable")[:_MOST_HOLLOWS].tolist()
+        if sizes[part] and _is_outside(sight, nodes[np.flatnonzero(labels.reshape(-1) == part)[0]])
+    ]  # fmt: skip
+    reached = np.isin(labels, [*known.tolist(), *hollows]) & free
     outside = binary_dilation(reached) | reached
     return OutsideGrid(np.where(outside, distances, 0.0), np.ascontiguousarray(low), step, slack)
+
+
+def _is_outside(sight: Sight, node: NDArray[np.float64]) -> bool:
+    return float(turns_around(sight.vertices[sight.faces], node).sum()) < 0.5

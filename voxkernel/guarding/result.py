@@ -69,7 +69,7 @@ class Guards(Frozen):
     Attributes
     ----------
     points : (k, 3) float64
-        World coordinates, the guard that sees the most first.
+        World coordinates, body by body, the guard that sees the most first.
     seen : float
         Share of the area that at least one guard sees, in [0, 1]: measured on `n_samples` fresh samples that the
         search never used, and moved to `certified` or `facing_bound` where it lies beyond.

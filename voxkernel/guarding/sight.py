@@ -17,7 +17,7 @@ from voxkernel.mesh.edges import edge_parts, half_edges
 from voxkernel.mesh.triangles import scale_exponent, triple_products, unit_normals, used_vertices
 from voxkernel.mesh.zero_area import is_degenerate
 
-__all__ = ["Sight", "Spots", "look_at"]
+__all__ = ["Sight", "Spots", "look_at", "turns_around"]
 
 Side = Literal["inside", "outside"]
 _SMALLEST = 2.0**-300  # the exact predicates want coordinates of 0, or of this to its inverse
@@ -201,6 +201,17 @@ def look_at(mesh: TriangleMesh, halfspaces: HalfSpaces, side: Side, threads: int
     )  # fmt: skip
 
 
+def turns_around(corners: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solid angles of triangles over 4 pi; those of a closed surface add up to how often it goes around the place.
+
+    A. van Oosterom, J. Strackee, "The solid angle of a plane triangle", IEEE Trans. Biomed. Eng. 30, 1983.
+    """
+    a, b, c = np.moveaxis(corners - place, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
+    return np.arctan2(triple_products(a, b, c), la * lb * lc + ab * lc + bc * la + ca * lb) / (2.0 * np.pi)
+
+
 def _bodies(
     corners: NDArray[np.float64], parts: NDArray[np.int64], volumes: NDArray[np.float64]
 ) -> NDArray[np.int64]:
@@ -208,11 +219,7 @@ def _bodies(
     owner = np.arange(len(volumes))
     for cavity in np.flatnonzero(volumes < 0.0):
         place = corners[np.flatnonzero(parts == cavity)[0], 0]
-        a, b, c = np.moveaxis(corners - place, 1, 0)
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
-        angles = np.arctan2(triple_products(a, b, c), la * lb * lc + ab * lc + bc * la + ca * lb) / (2.0 * np.pi)
-        around = np.bincount(parts, angles, len(volumes)) > 0.5
+        around = np.bincount(parts, turns_around(corners, place), len(volumes)) > 0.5
         around[cavity] = False
         holders = np.flatnonzero(around & (volumes > 0.0))
         if len(holders):

@@ -8,11 +8,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._checks import as_positive
+from voxkernel._checks import as_choice, as_positive
 from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
+from voxkernel.guarding import Guards, guards
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceArgument, surface_argument
 from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
@@ -75,6 +76,8 @@ class Starshapeness(Frozen):
         What is really visible from there; None unless asked for.
     profile : DefectProfile or None
         Volume shares of the relaxed kernels for a few tolerances; None unless asked for.
+    guards : Guards or None
+        Few points that see 99 % of the area, as `guards` finds them; None unless asked for.
     """
 
     verdict: Verdict
@@ -97,6 +100,7 @@ class Starshapeness(Frozen):
     star_center: NDArray[np.float64]
     visible: VisibleFraction | None
     profile: DefectProfile | None
+    guards: Guards | None = None
 
     def __repr__(self) -> str:
         """Name verdict, ratio and volume, and the defect where there is one."""
@@ -129,11 +133,17 @@ class Starshapeness(Frozen):
             "star_center": self.star_center,
             "visible": None if self.visible is None else self.visible.to_dict(),
             "profile": None if self.profile is None else self.profile.to_dict(),
+            "guards": None if self.guards is None else self.guards.to_dict(),
         })
 
 
 def starshapeness(
-    surface: MeshLike, *, facets: Any = None, domain: Any = None, gap: float = _GAP, detail: bool = False
+    surface: MeshLike,
+    *,
+    facets: Any = None,
+    domain: Any = None,
+    gap: float = _GAP,
+    detail: bool | Literal["guards"] = False,
 ) -> Starshapeness:
     """Classify a surface as star-shaped or not and score it by its kernel's volume.
 
@@ -148,9 +158,9 @@ def starshapeness(
         open ones by default.
     gap : float
         Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
-    detail : bool
+    detail : bool or "guards"
         Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
-        and 0.1, as well.
+        and 0.1, as well; "guards": `guards` only.
 
     Returns
     -------
@@ -179,6 +189,8 @@ def starshapeness(
     >>> score.verdict, score.ratio
     ('star-shaped', 1.0)
     """
+    if isinstance(detail, str):
+        as_choice("detail", detail, ("guards",))
     mesh = as_mesh(surface, facets=facets)
     argument = surface_argument(mesh)
     halfspaces, region = argument.halfspaces, argument.domain(domain, EXACT)
@@ -204,13 +216,13 @@ def starshapeness(
         star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
     else:
         star = center_of_planes(weigh(halfspaces), argument, region, share)
-    extra = _detail(argument, mesh, region, star.point) if detail else (None, None)
+    extra = _detail(argument, mesh, region, star.point) if detail and detail != "guards" else (None, None)
     return Starshapeness(
         "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
         ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
         reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
         _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
-        star.violation_bounds, star.point, *extra,
+        star.violation_bounds, star.point, *extra, guards(mesh) if detail == "guards" else None,
     )  # fmt: skip
 
 
