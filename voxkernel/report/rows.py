@@ -13,7 +13,8 @@ from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
 __all__ = [
-    "ALL_SCORES", "CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first",
+    "ALL_SCORES", "CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows",
+    "worst_first",
 ]  # fmt: skip
 
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
