@@ -1,4 +1,4 @@
-"""`label_stars` by size and family, beside the prototype where it is at hand; kernels of star polyhedra beside Qhull."""
+"""`label_stars` by size and family; kernels of star polyhedra beside Qhull."""
 
 import sys
 from pathlib import Path
@@ -30,8 +30,10 @@ def test_objects(side_by_side, family, size):
         rounds=2,
     )
     seconds, stars = answer["voxkernel"]
-    print(f"\n{family} {size}: {n / seconds:.1f} objects/s of {stars.voxels.mean():.0f} voxels, "
-          f"V* {stars.visible.min():.3f} to {stars.visible.max():.3f}, certified {stars.is_certified.mean():.0%}")  # fmt: skip
+    print(
+        f"\n{family} {size}: {n / seconds:.1f} objects/s of {stars.voxels.mean():.0f} voxels, V* "
+        f"{stars.visible.min():.3f} to {stars.visible.max():.3f}, certified {stars.is_certified.mean():.0%}"
+    )
     assert stars.is_certified[stars.voxels <= 6000].all()
 
 

@@ -12,8 +12,8 @@ from voxkernel.cli.output import UsageError, display, say
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
     "Look at every object of label images of 2 or 3 axes: how much of it its best voxel sees (V*, certified), how\n"
-    "well rays from there describe it, and why it falls short. Writes a run (RUN/rows/*.parquet, as `evaluate` does) and\n"
-    "RUN/report.html. The same command again goes on where an interrupted run stopped."
+    "well rays from there describe it, and why it falls short. Writes a run (RUN/rows/*.parquet, as `evaluate` does)\n"
+    "and RUN/report.html. The same command again goes on where an interrupted run stopped."
 )
 EXAMPLES = (
     "voxkernel labels nuclei.tif --spacing 2,1,1 -o out/",

@@ -37,8 +37,8 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     ----------
     path : path
         `.tif` (of ImageJ, OME or plain), `.nii`, `.nii.gz`, `.nrrd`, `.npy`, `.npz`, `.h5` or `.zarr` (OME-Zarr).
-        Behind ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there are
-        several.
+        Behind ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there
+        are several.
     spacing : sequence of float, optional
         Distance of voxel centres along each axis, in the order of the axes; by default what the file stores.
 

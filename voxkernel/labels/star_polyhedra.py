@@ -78,8 +78,8 @@ def star_polyhedra_kernels(
 
     Notes
     -----
-    The centre is in every kernel, so that its planes cut a cube about it, the nearest first; in floating point, with
-    corners found again from their planes.
+    The centre is in every kernel; every face is cut out of its own plane by all others, in floating point, and whether
+    the edges of the faces fit says whether that went well.
 
     Examples
     --------
@@ -103,8 +103,10 @@ def star_polyhedra_kernels(
     n = len(middle)
     volume, boxes, outcome = np.zeros(n), np.zeros((n, 6)), np.zeros(n, np.int8)
 
+    units, spans = directions / norms[:, None], lengths * norms
+
     def part(first: int, stop: StopFlag) -> None:
-        star_kernels(directions, triangles, lengths, first, min(n, first + _PART), volume, boxes, outcome, stop)
+        star_kernels(units, triangles, spans, first, min(n, first + _PART), volume, boxes, outcome, stop)
 
     run_parts(part, range(0, n, _PART), n_threads)
     general = np.flatnonzero(outcome == 0).tolist()
