@@ -18,7 +18,7 @@ from voxkernel.registration import prepare_surface
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "glossary.md"
 FACES = (
     "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "guarding", "measures", "spherical",
-    "registration", "polyhedral", "pictures", "evaluation", "report",
+    "registration", "polyhedral", "labels", "pictures", "evaluation", "report",
 )  # fmt: skip
 REQUIRED = "required"
 
@@ -109,6 +109,7 @@ CUBE = shapes.cube()
 CELLS = PolyhedralMesh.from_cells(
     [([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])]
 )
+IMAGE = voxkernel.LabelImage.from_array(np.ones((2, 2), np.uint8), spacing=(1, 1))
 SPHERE = voxkernel.spherical_map(CUBE)
 SAMPLES, HARMONICS = SPHERE.sample(n=8), SPHERE.harmonics(2)
 CALLS = {
@@ -133,6 +134,11 @@ CALLS = {
     "defect_profile": lambda **o: voxkernel.defect_profile(CUBE, **o),
     "exact_kernel": lambda **o: voxkernel.exact_kernel(CUBE, **o),
     "guards": lambda **o: voxkernel.guards(CUBE, **o),
+    "find_objects": lambda **o: voxkernel.find_objects(IMAGE, **o),
+    "label_stars": lambda **o: voxkernel.label_stars(IMAGE, **o),
+    "star_polyhedra_kernels": lambda **o: voxkernel.star_polyhedra_kernels(
+        np.zeros((1, 3)), np.ones((1, 6)), np.vstack([np.eye(3), -np.eye(3)]), **o
+    ),
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),

@@ -103,6 +103,8 @@ REAL = {
     "KernelMoments": lambda _: voxkernel.kernel_moments(voxkernel.exact_kernel(CUBE)),
     "KernelPoints": lambda _: voxkernel.kernel_points(voxkernel.exact_kernel(CUBE)),
     "KernelPolytope": lambda _: voxkernel.exact_kernel(CUBE, domain="box"),
+    "LabelObjects": lambda _: voxkernel.find_objects(label_image()),
+    "LabelStars": lambda _: voxkernel.label_stars(label_image()),
     "MeshFacts": lambda _: voxkernel.as_mesh(CUBE).facts(),
     "PairRegistration": lambda _: pair(),
     "PolyhedralMesh": lambda _: cells(),
@@ -114,11 +116,20 @@ REAL = {
     "SphericalMap": lambda _: star(),
     "StarCover": lambda _: voxkernel.star_cover(comb()),
     "StarPiece": lambda _: voxkernel.star_cover(comb()).pieces[0],
+    "StarKernels": lambda _: voxkernel.star_polyhedra_kernels(
+        np.zeros((1, 3)), np.ones((1, 6)), np.vstack([np.eye(3), -np.eye(3)])
+    ),
     "StarCenter": lambda _: voxkernel.best_center(CUBE),
     "Starshapeness": lambda _: voxkernel.starshapeness(CUBE),
     "TriangleMesh": lambda _: polygon_mesh(),
     "VdbFile": vdb_file,
 }
+
+
+def label_image():
+    return voxkernel.LabelImage.from_array(np.array([[1, 1, 0], [0, 2, 2]]), spacing=(1, 2))
+
+
 INSIDE = {
     "RocCurve": lambda _: roc_curve([0.9, 0.1], [True, False]),
     "ReportRows": lambda _: HOLDERS["ReportRows"](1, {"file": ["a"]}, {"cell": np.zeros(1)}, {}, ["failed"]),

@@ -25,8 +25,8 @@ __all__ = [
 # Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
 # null. A row is a surface, a cell of a polyhedral mesh, or an object of a label image, as `kind` says: "surface",
 # "cell" or "label" (null in runs of earlier versions and where a file failed). `cell` is null but for a cell, `object`
-# (its number in the image) but for an object; the star centre is where the violation is smallest, the centre where the kernel is
-# deepest. Lengths are in mesh units, shares of the area or of a volume in [0, 1].
+# (its number in the image) but for an object; the star centre is where the violation is smallest, the centre where the
+# kernel is deepest. Lengths are in mesh units, shares of the area or of a volume in [0, 1].
 COLUMNS = {
     # which shape, and what came of it
     "file": "string", "kind": "string", "cell": "int64", "object": "int64", "label": "string", "status": "string",

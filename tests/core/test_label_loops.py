@@ -1,6 +1,7 @@
 """The compiled loops of label images, beside rationals, NumPy and SciPy."""
 
 from fractions import Fraction
+from itertools import pairwise
 
 import label_shapes
 import numpy as np
@@ -30,7 +31,7 @@ def supercover(start, end):
         shares |= {Fraction(2 * k + 1, 2 * n) for k in range(n)}
     ordered = sorted(shares)
     found = {tuple(map(int, start))}
-    for low, high in zip(ordered, ordered[1:], strict=False):
+    for low, high in pairwise(ordered):
         middle = (low + high) / 2
         found.add(tuple(int((int(a) + middle * d + Fraction(1, 2)) // 1) for a, d in zip(start, moves, strict=True)))
     return found

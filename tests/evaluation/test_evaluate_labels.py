@@ -10,9 +10,10 @@ import shapes
 import voxkernel
 from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings
-from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.evaluation.inputs import Item, content_hash, find_items
+from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.report import write_report
+from voxkernel.run_table import read_rows
 
 RAYS = (32, 96)
 
@@ -121,7 +122,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     painted = voxkernel.read_labels("seen.npz").to_array()
     assert (painted == 3).sum() == 5
     assert main(["labels", "scene.npy", "-o", "other", "--workers", "1", "-q"]) == 1
-    assert "`spacing` must be given" in voxkernel.evaluation.EvaluationResult("other", 0, 0, 0, 0, ()).table()["reason"][0].as_py()
+    assert "`spacing` must be given" in read_rows("other")["reason"][0].as_py()
     for wrong, line in (
         (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
         (["--spacing", "1,0,1"], "`spacing` must be > 0; got 0"),

@@ -1,4 +1,4 @@
-"""Files of label images: each format gives the voxels and the spacing it was written with, or says in one line why not."""
+"""Files of label images: each gives the voxels and the spacing it was written with, or says in one line why not."""
 
 import label_shapes
 import numpy as np
@@ -27,7 +27,8 @@ def same(image, volume, spacing=SPACING):
 
 
 def imagej(path, v):
-    tifffile.imwrite(path, v, imagej=True, resolution=(4.0, 2.0), metadata={"spacing": 2.0, "axes": "ZYX", "unit": "um"})
+    facts = {"spacing": 2.0, "axes": "ZYX", "unit": "um"}
+    tifffile.imwrite(path, v, imagej=True, resolution=(4.0, 2.0), metadata=facts)
 
 
 def ome(path, v, **options):
@@ -57,7 +58,8 @@ def npz(path, v):
 
 def hdf5(path, v):
     with h5py.File(path, "w") as file:
-        file.create_dataset("volumes/labels", data=v, chunks=(4, 4, 4), compression="gzip").attrs["element_size_um"] = SPACING
+        data = file.create_dataset("volumes/labels", data=v, chunks=(4, 4, 4), compression="gzip")
+        data.attrs["element_size_um"] = SPACING
 
 
 def plain_zarr(path, v):
@@ -96,7 +98,7 @@ def test_names_of_arrays_inside(tmp_path, volume):
     same(read_labels(f"{tmp_path}/a.h5::volumes/labels"), volume)
     np.savez(tmp_path / "two.npz", a=volume, b=volume)
     same(read_labels(f"{tmp_path}/two.npz::b", spacing=SPACING), volume)
-    with pytest.raises(GridReadError, match=r"two.npz' cannot be read as .npz: ValueError: name one of its arrays behind"):
+    with pytest.raises(GridReadError, match=r"two.npz' cannot be read as .npz: ValueError: name one of its arrays"):
         read_labels(tmp_path / "two.npz", spacing=SPACING)
     with pytest.raises(GridReadError, match=r'no array "c" in it, but a, b'):
         read_labels(f"{tmp_path}/two.npz::c", spacing=SPACING)
@@ -144,7 +146,7 @@ def wrong_files(folder, v):
 
 
 WRONG = {
-    **{f"junk{s}": f"cannot be read as {s}" for s in (".tif", ".nii", ".nii.gz", ".nrrd", ".npy", ".npz", ".h5", ".zarr")},
+    **{f"junk{s}": f"cannot be read as {s}" for s in ".tif .nii .nii.gz .nrrd .npy .npz .h5 .zarr".split()},
     "none.tif": "`spacing` must be given: '.*none.tif' stores none",
     "missing.tif": "must be an existing file",
     "missing.zarr": "must be an existing folder",
@@ -222,7 +224,7 @@ def test_twenty_gigabytes_and_a_hundred_thousand_objects(tmp_path):
     body = label_shapes.ball(7)
     counts, label = {}, 0
     rng = np.random.default_rng(0)
-    for place in rng.permutation(5000)[:100]:
+    for place in rng.permutation(4800)[:100]:
         low = np.array(np.unravel_index(place, (12, 20, 20))) * edge + 80  # across the borders of eight chunks
         block = np.zeros((80, 80, 80), np.uint32)
         for at in np.ndindex(10, 10, 10):

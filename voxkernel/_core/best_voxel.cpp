@@ -13,8 +13,9 @@ namespace voxkernel {
 namespace {
 
 constexpr Index kFewTargets = 192, kTargets = 1024;  // of the search, in one fixed random order
-constexpr Index kStarts = 256, kClimbs = 4;
+constexpr Index kStarts = 128, kClimbs = 3;
 constexpr Index kMostBlocks = 1200;
+constexpr Index kSmall = 10000;  // voxels
 
 struct Place {
   std::int32_t ijk[3];
@@ -35,6 +36,7 @@ class Search {
   void bound();
   void race(Index limit);
   Index hidden_in_race(Index v, Index enough);
+  Index least_hidden(Index v) const { return blocks_.hidden[blocks_.of_voxel[v]]; }
 
   const Crop& crop_;
   Stop& stop_;
@@ -44,7 +46,7 @@ class Search {
   std::vector<Index> by_depth_;    // deepest first
   std::vector<Index> targets_;     // a random order
   std::vector<std::int32_t> number_;  // of each position, -1 outside; made when needed
-  std::vector<Index> bound_;       // hidden voxels at least, of each voxel
+  LabelBlocks blocks_;
   BestVoxel best_;
   Index best_voxel_ = 0;           // its number
 };
@@ -139,7 +141,9 @@ void Search::climb() {
 }
 
 Index Search::climbed(Index start) {
-  const Index n_targets = std::min(static_cast<Index>(voxels_.size()), kTargets);
+  // Small objects are raced through anyway: a good start is enough.
+  const Index n = static_cast<Index>(voxels_.size());
+  const Index n_targets = std::min(n, n <= kSmall ? kFewTargets : kTargets);
   Index at = start, least = hidden(at, n_targets, n_targets + 1);
   Index step = std::max<Index>(1, static_cast<Index>(std::cbrt(static_cast<double>(voxels_.size())) / 5.0));
   while (step >= 1 && least > 0) {
@@ -169,21 +173,22 @@ Index Search::climbed(Index start) {
 // How many voxels at least are hidden from each, told by blocks.
 void Search::bound() {
   const Index n = static_cast<Index>(voxels_.size());
-  bound_.assign(n, 0);
   const Index enough = n - best_.n_seen;
   Index edge = 2;
   while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) ++edge;
-  const LabelBlocks blocks = bound_blocks(crop_, voxels_, edge, enough, stop_, best_.n_steps);
-  for (Index v = 0; v < n; ++v) bound_[v] = blocks.hidden[blocks.of_voxel[v]];
+  blocks_ = bound_blocks(crop_, voxels_, edge, enough, stop_, best_.n_steps);
 }
 
-// Targets that were hidden from one candidate come earlier for the next. Where they do not decide, all voxels are
+// What is hidden from the whole block of a candidate counts at once. Targets that were hidden from one candidate come
+// earlier for the next. Where they do not decide, all voxels are
 // counted at once, which is faster than one by one.
 Index Search::hidden_in_race(Index v, Index enough) {
   const Index n = static_cast<Index>(voxels_.size());
   const Index tried = std::min(n, 2 * enough + crop_.size() / 16);
-  Index h = 0;
+  const std::uint8_t* is_hidden = blocks_.is_hidden.data() + blocks_.of_voxel[v] * blocks_.size();
+  Index h = least_hidden(v);
   for (Index t = 0; t < tried; ++t) {
+    if (is_hidden[blocks_.of_voxel[targets_[t]]] != 0) continue;
     if (sees(v, targets_[t])) continue;
     if (++h >= enough) {
       std::swap(targets_[t], targets_[t / 2]);
@@ -202,7 +207,7 @@ void Search::race(Index limit) {
   std::size_t at = 0;
   for (; at < by_depth_.size() && best_.n_steps < limit; ++at) {
     const Index v = by_depth_[at];
-    if (bound_[v] >= least) continue;
+    if (least_hidden(v) >= least) continue;
     const Index h = hidden_in_race(v, least);
     if (h >= least) continue;
     least = h;
@@ -214,7 +219,7 @@ void Search::race(Index limit) {
     best_voxel_ = winner;
   }
   if (least > 0) {
-    for (; at < by_depth_.size(); ++at) open = std::min(open, bound_[by_depth_[at]]);
+    for (; at < by_depth_.size(); ++at) open = std::min(open, least_hidden(by_depth_[at]));
   }
   best_.upper = std::max(best_.n_seen, n - open);
 }

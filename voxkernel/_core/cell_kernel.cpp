@@ -155,6 +155,8 @@ void FaceCutter::project(Index i) {
   const double a = -1.0 / (sign + nz), b = nx * ny * a;
   const double ux = 1.0 + sign * nx * nx * a, uy = sign * b, uz = -sign * nx;
   const double vx = b, vy = sign + ny * ny * a, vz = -ny;
+  const double frame[2][3] = {{ux, uy, uz}, {vx, vy, vz}};
+  std::copy(&frame[0][0], &frame[0][0] + 6, &frame_[0][0]);
   const double *x = x_.data(), *y = y_.data(), *z = z_.data();
   double *alike = alike_.data(), *p = p_.data(), *q = q_.data();
   for (Index j = 0; j < n_; ++j) {
@@ -229,16 +231,31 @@ bool FaceCutter::cut_face(Index i, double same) {
   return true;
 }
 
+// Takes the corners of the polygon, which is in plane i, into a box.
+void FaceCutter::widen(Index i, double* box) const {
+  const double normal[3] = {x_[i], y_[i], z_[i]};
+  for (Index k = 0; k < polygon_.size; ++k) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double at =
+          slack_[i] * normal[axis] + polygon_.x[k] * frame_[0][axis] + polygon_.y[k] * frame_[1][axis];
+      box[axis] = std::min(box[axis], at);
+      box[3 + axis] = std::max(box[3 + axis], at);
+    }
+  }
+}
+
 // Every face is cut out of its own plane by all others. Two faces that meet list their common edge
 // each by itself: the sum of the differences of these lengths says whether the faces close. Planes
 // that differ by less than `same` are one.
-FaceCutter::Solid FaceCutter::cut(const HalfSpaceColumns& planes, const double* center, double same) {
+FaceCutter::Solid FaceCutter::cut(const HalfSpaceColumns& planes, const double* center, double same, double* box) {
+  if (box != nullptr) std::fill_n(box, 6, 0.0);  // the centre is inside
   sort_by_slack(planes, center);
   std::fill_n(shared_.begin(), n_ * n_, 0.0);
   double volume = 0.0, extent = 0.0;
   for (Index i = 0; i < n_; ++i) {
     if (!cut_face(i, same)) continue;
     extent = std::max(extent, reach_ + slack_[i] * slack_[i]);
+    if (box != nullptr) widen(i, box);
     double area = 0.0;
     for (Index k = 0; k < polygon_.size; ++k) {
       const Index after = k + 1 < polygon_.size ? k + 1 : 0;

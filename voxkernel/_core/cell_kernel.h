@@ -43,7 +43,8 @@ class FaceCutter {
   struct Solid {
     double volume, extent, misfit;
   };
-  Solid cut(const HalfSpaceColumns& planes, const double* center, double same);
+  // `box`, where it is asked for, becomes the lower, then the upper corner of the kernel relative to the centre.
+  Solid cut(const HalfSpaceColumns& planes, const double* center, double same, double* box = nullptr);
 
  private:
   // `label` names the plane that made the edge from a corner to the next, -1 for the square.
@@ -65,11 +66,13 @@ class FaceCutter {
   bool cut_face(Index i, double same);
   Index side_of_corners(Index j, double right);
   void cut_polygon(Index j);
+  void widen(Index i, double* box) const;
 
   Index n_ = 0;
   std::vector<Index> order_;
   std::vector<double> slack_, x_, y_, z_;  // the planes, nearest first
   std::vector<double> alike_, p_, q_;      // their normals in the frame of the plane at work
+  double frame_[2][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   Polygon polygon_, next_;
   double reach_ = 0.0;  // largest squared distance of a corner from the foot of the centre
   std::vector<double> values_, shared_;

@@ -49,7 +49,7 @@ LabelBlocks bound_blocks(const Crop& crop, Indices voxels, Index edge, Index eno
   }
   const std::vector<std::uint8_t> wide = widened(weights, shape);
   const Crop coarse{wide, {shape[0], shape[1], shape[2]}, false};
-  const LabelView view(coarse);
+  LabelView view(coarse);
 
   struct Block {
     Index ijk[3], place, weight;
@@ -64,7 +64,7 @@ LabelBlocks bound_blocks(const Crop& crop, Indices voxels, Index edge, Index eno
     blocks.push_back(block);
   }
   const Index n = static_cast<Index>(blocks.size());
-  LabelBlocks found{edge, {}, std::vector<Index>(n, 0)};
+  LabelBlocks found{edge, {}, std::vector<Index>(n, 0), std::vector<std::uint8_t>(static_cast<std::size_t>(n * n), 0)};
   found.of_voxel.reserve(voxels.size());
   for (const Index p : place) found.of_voxel.push_back(number[p]);
   std::vector<Index> order(n);
@@ -80,6 +80,7 @@ LabelBlocks bound_blocks(const Crop& crop, Indices voxels, Index edge, Index eno
       stop.poll(1 + n_steps - before);
       if (!is_hidden) continue;
       hidden += to.weight;
+      found.is_hidden[x * n + order[t]] = 1;
       std::swap(order[t], order[t / 2]);
     }
   }

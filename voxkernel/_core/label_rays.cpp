@@ -42,9 +42,12 @@ double stepped_length(const Crop& crop, const Index* center, const double* u, In
     Index at[3];
     for (int a = 0; a < 3; ++a) at[a] = center[a] + static_cast<Index>(std::round(static_cast<double>(k) * d[a]));
     if (crop.bytes[crop.flat(at[0], at[1], at[2])] != 0) continue;
-    double t = static_cast<double>(k);
-    if (crop.is_flat) t -= 1.0 - 0.5 / std::max(std::abs(d[1]), std::abs(d[2]));
-    return t / length;
+    if (crop.is_flat) {
+      return (static_cast<double>(k) - 1.0 + 0.5 / std::max(std::abs(d[1]), std::abs(d[2]))) / length;
+    }
+    double square = 0.0;
+    for (int a = 0; a < 3; ++a) square += static_cast<double>((at[a] - center[a]) * (at[a] - center[a]));
+    return std::sqrt(square) / length;
   }
 }
 

@@ -12,7 +12,8 @@ namespace voxkernel {
 // Lengths along `directions` (in voxels along the axes, of any length, in whose multiples the answer is) from the
 // centre of a voxel of the object. Exact: where the ray leaves the last voxel, a ray through an edge or a corner going
 // on diagonally. Stepped, as StarDist does: from one sample to the next, one voxel apart, until the nearest voxel is
-// outside; in a flat crop half a voxel, along the axis the ray advances most, is taken back.
+// outside. Then the length is that from centre to centre of these two voxels; in a flat crop that of the samples, less
+// one voxel and half a voxel along the axis the ray advances most.
 enum class RayEnd { kExact, kStepped };
 void ray_lengths(const Crop& crop, const Index* center, Points directions, RayEnd end, Span<double> lengths,
                  Stop& stop);

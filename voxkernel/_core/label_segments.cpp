@@ -2,6 +2,41 @@
 
 namespace voxkernel {
 
+namespace {
+
+constexpr double kMostSteps = 0x1p25;  // bytes of steps that are kept
+
+}  // namespace
+
+SegmentSteps::SegmentSteps(const Index* shape, const Index* strides) {
+  double n_segments = 1.0, longest = 1.0;
+  for (int a = 0; a < 3; ++a) {
+    shape_[a] = shape[a];
+    n_segments *= static_cast<double>(shape[a]);
+    longest += static_cast<double>(shape[a]);
+  }
+  for (unsigned signs = 0; signs < 8; ++signs) {
+    for (unsigned axes = 0; axes < 8; ++axes) {
+      Index move = 0;
+      for (unsigned a = 0; a < 3; ++a) {
+        if ((axes >> a & 1u) != 0) move += (signs >> a & 1u) != 0 ? -strides[a] : strides[a];
+      }
+      moves_[signs][axes] = move;
+    }
+  }
+  // Half of the longest is the mean.
+  if (0.5 * n_segments * longest <= kMostSteps) first_.assign(static_cast<std::size_t>(n_segments), -1);
+}
+
+std::int32_t SegmentSteps::append(const Index* n) {
+  const std::int32_t first = static_cast<std::int32_t>(steps_.size());
+  const Index nothing[3] = {0, 0, 0};
+  SegmentWalk walk(0, n, nothing);
+  for (unsigned axes = walk.step(); axes != 0; axes = walk.step()) steps_.push_back(static_cast<std::uint8_t>(axes));
+  steps_.push_back(0);
+  return first;
+}
+
 // The walk runs in an array that just holds both ends.
 std::vector<Index> touched_voxels(const Index* from, const Index* to) {
   Index low[3], shape[3], d[3], strides[3];

@@ -1,6 +1,7 @@
 // The voxels that a segment between two voxel centres touches, in integers.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -35,23 +36,59 @@ class SegmentWalk {
   }
 
   // Whether the segment goes on; then `at()` is the next voxel.
-  bool advance() {
-    if (left_ == 0) return false;
-    Index first = next_[0] < next_[1] ? next_[0] : next_[1];
-    if (next_[2] < first) first = next_[2];
-    for (int a = 0; a < 3; ++a) {
-      const bool crosses = next_[a] == first;
-      at_ += crosses ? step_[a] : 0;
-      next_[a] += crosses ? gap_[a] : 0;
-      left_ -= crosses ? 1 : 0;
-    }
-    return true;
+  bool advance() { return step() != 0; }
+  // The axes of the next step, as bits; 0 at the end.
+  unsigned step() {
+    if (left_ == 0) return 0;
+    const Index first = std::min(next_[0], std::min(next_[1], next_[2]));
+    unsigned axes = 0;
+    if (next_[0] == first) axes |= move<0>();
+    if (next_[1] == first) axes |= move<1>();
+    if (next_[2] == first) axes |= move<2>();
+    return axes;
   }
   Index at() const { return at_; }
 
  private:
+  template <int axis>
+  unsigned move() {
+    at_ += step_[axis];
+    next_[axis] += gap_[axis];
+    --left_;
+    return 1u << axis;
+  }
+
   Index at_, left_ = 0;
   Index step_[3], next_[3], gap_[3];
+};
+
+// The steps of segments between voxels of a box, kept: walking them again is five times faster than finding them. A
+// segment of n voxels along the axes has the steps of its mirror images; each is a set of axes, as bits.
+class SegmentSteps {
+ public:
+  SegmentSteps(const Index* shape, const Index* strides);
+
+  // Whether the box is small enough for this.
+  bool is_kept() const { return !first_.empty(); }
+  // The steps from a voxel by `d`, ended by 0.
+  const std::uint8_t* find(const Index* d) {
+    const Index n[3] = {d[0] < 0 ? -d[0] : d[0], d[1] < 0 ? -d[1] : d[1], d[2] < 0 ? -d[2] : d[2]};
+    std::int32_t& first = first_[(n[0] * shape_[1] + n[1]) * shape_[2] + n[2]];
+    if (first < 0) first = append(n);
+    return steps_.data() + first;
+  }
+  // By how much each step changes the position, for the directions of `d`.
+  const Index* moves(const Index* d) const {
+    return moves_[(d[0] < 0 ? 1 : 0) + (d[1] < 0 ? 2 : 0) + (d[2] < 0 ? 4 : 0)];
+  }
+
+ private:
+  std::int32_t append(const Index* n);
+
+  Index shape_[3];
+  Index moves_[8][8];
+  std::vector<std::int32_t> first_;
+  std::vector<std::uint8_t> steps_;
 };
 
 // Positions of all voxels that a segment touches, both ends included.

@@ -8,6 +8,7 @@ LabelView::LabelView(const Crop& crop)
     : crop_(crop),
       bytes_(crop.bytes.data()),
       strides_{crop.stride(0), crop.stride(1), 1},
+      steps_(crop.shape, strides_),
       clear_(static_cast<std::size_t>(crop.size()), 0) {}
 
 // A segment stays in the box between its ends, whatever it touches. So a voxel is seen when that box is in the object,
@@ -46,14 +47,7 @@ Index LabelView::count_plane(const Index* center, Index i, Span<std::uint8_t> se
         clear_[v] = is_clear ? 1 : 0;
         if (!is_clear) {
           const Index d[3] = {center[0] - i, center[1] - j, center[2] - k};
-          SegmentWalk walk(v, d, strides_);
-          bool is_seen = true;
-          while (is_seen && walk.advance()) {
-            ++n_steps;
-            if (clear_[walk.at()] != 0) break;
-            is_seen = bytes_[walk.at()] != 0;
-          }
-          if (!is_seen) continue;
+          if (!walks(v, d, n_steps, [&](Index at) { return clear_[at] != 0; })) continue;
         }
         ++n;
         if (seen.size() != 0) seen[v] = 1;

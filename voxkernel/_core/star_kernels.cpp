@@ -4,11 +4,15 @@
 #include <cmath>
 #include <vector>
 
-#include "clipping.h"
-#include "polyhedron.h"
+#include "cell_kernel.h"
+#include "deepest_point.h"
 
 namespace voxkernel {
 namespace {
+
+constexpr double kNearest = 1e-6;   // planes nearer to the centre are left to the general code
+constexpr double kNearly = 1e-11;   // planes so near to each other, for the nearest, are one
+constexpr double kRounding = 1e-7;  // largest relative error of a volume
 
 struct Plane {
   double normal[3];
@@ -28,46 +32,39 @@ Plane plane_of(const double* a, const double* b, const double* c) {
 
 }  // namespace
 
-// The origin sees the whole polyhedron, so it is inside every kernel: no point has to be looked for. The nearest planes
-// cut first, because most of the others then do not cut at all.
+// The origin sees the whole polyhedron, so it is inside every kernel: no point has to be looked for. With directions of
+// length 1 at most, corners are in the unit ball, as the cutter wants them.
 void star_kernels(Points directions, Triangles faces, Doubles distances, Index first, Index last,
                   const StarKernelAnswers& answers, Stop& stop) {
   const Index n_rays = directions.size(), n_faces = faces.size();
-  std::vector<double> corners(3 * n_rays), normals(3 * n_faces), slacks(n_faces);
-  std::vector<Plane> planes(n_faces);
+  std::vector<double> corners(3 * n_rays);
+  HalfSpaceColumns planes(n_faces);
+  FaceCutter cutter(n_faces);
+  const double origin[3] = {0.0, 0.0, 0.0};
   for (Index p = first; p < last; ++p) {
     const double* lengths = distances.part(p * n_rays, (p + 1) * n_rays).data();
     const double scale = *std::max_element(lengths, lengths + n_rays);
     for (Index r = 0; r < n_rays; ++r) {
       for (int k = 0; k < 3; ++k) corners[3 * r + k] = lengths[r] / scale * directions(r, k);
     }
+    planes.size = 0;
+    double nearest = 1.0;
     for (Index f = 0; f < n_faces; ++f) {
       const double* at = corners.data();
-      planes[f] = plane_of(at + 3 * faces(f, 0), at + 3 * faces(f, 1), at + 3 * faces(f, 2));
+      const Plane plane = plane_of(at + 3 * faces(f, 0), at + 3 * faces(f, 1), at + 3 * faces(f, 2));
+      planes.push(plane.normal, plane.slack, 0.0);
+      nearest = plane.slack < nearest ? plane.slack : nearest;
+      if (!std::isfinite(plane.slack)) nearest = 0.0;
     }
-    std::sort(planes.begin(), planes.end(), [](const Plane& a, const Plane& b) { return a.slack < b.slack; });
-    for (Index f = 0; f < n_faces; ++f) {
-      std::copy_n(planes[f].normal, 3, normals.data() + 3 * f);
-      slacks[f] = planes[f].slack;
-    }
+    stop.poll(n_faces * n_faces);
     answers.outcomes[p] = 0;
-    // No plane has moved if one is not a number or the origin is not behind it.
-    if (!(slacks[0] > 1e-9) || !std::isfinite(slacks[n_faces - 1])) continue;
-    const Clipped found = clipped_polyhedron({normals.data(), n_faces}, slacks, 2.0, stop);
-    stop.poll(4 * n_faces);
-    if (!found.is_sound || !found.is_closed) continue;
-    const Points vertices{found.vertices.data(), static_cast<Index>(found.vertices.size() / 3)};
-    answers.volumes[p] = moments(vertices, found.start, found.ring, stop).volume * scale * scale * scale;
-    double* box = answers.boxes[p];
-    for (int k = 0; k < 3; ++k) {
-      box[k] = box[3 + k] = vertices(0, k);
-      for (Index v = 1; v < vertices.size(); ++v) {
-        box[k] = std::min(box[k], vertices(v, k));
-        box[3 + k] = std::max(box[3 + k], vertices(v, k));
-      }
-      box[k] *= scale;
-      box[3 + k] *= scale;
-    }
+    if (!(nearest > kNearest)) continue;
+    double box[6];
+    const FaceCutter::Solid found = cutter.cut(planes, origin, kNearly * nearest, box);
+    // Faces of which the edges do not fit, for their size: floating point has lost one.
+    if (found.misfit < 0.0 || found.misfit * found.extent * found.extent > kRounding * found.volume) continue;
+    answers.volumes[p] = found.volume * scale * scale * scale;
+    for (int k = 0; k < 6; ++k) answers.boxes[p][k] = box[k] * scale;
     answers.outcomes[p] = 1;
   }
 }

@@ -11,9 +11,9 @@ from voxkernel.cli.output import UsageError, display, say
 
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
-    "Look at every object of label images of 2 or 3 axes: how much of it its best voxel sees (V*, certified), how well\n"
-    "rays from there describe it, and why it falls short. Writes a run (RUN/rows/*.parquet, as `evaluate` does) and\n"
-    "RUN/report.html. The same command again goes on where an interrupted run stopped."
+    "Look at every object of label images of 2 or 3 axes: how much of it its best voxel sees (V*, certified), how\n"
+    "well rays from there describe it, and why it falls short. Writes a run (RUN/rows/*.parquet, as `evaluate` does)\n"
+    "and RUN/report.html. The same command again goes on where an interrupted run stopped."
 )
 EXAMPLES = (
     "voxkernel labels nuclei.tif --spacing 2,1,1 -o out/",
@@ -29,12 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_label_arguments(parser)
     out = parser.add_argument_group("what is written")
     out.add_argument("--no-pictures", action="store_true", help="do not draw the worst objects")
-    out.add_argument("--map", metavar="FILE", help="of one image: hidden voxels 1, seen ones 2, centres 3; .tif, .nii.gz")
+    out.add_argument("--map", metavar="FILE", help="of one image: hidden voxels 1, seen 2, centres 3; .tif, .nii.gz")
     out.add_argument("--csv", action="store_true", help="write RUN/rows.csv as well")
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
     engine.add_argument(
-        "--timeout", type=float, default=3600.0, metavar="S", help="seconds per 200 objects, 0 for none; 3600 by default"
+        "--timeout", type=float, default=3600.0, metavar="S", help="seconds per 200 objects, 0: none; 3600 by default"
     )
 
 

@@ -62,7 +62,7 @@ def analyse(
         return cells
     clock = _Clock()
     mesh = as_mesh(path)
-    row = {"kind": "surface", **_of_facts(mesh.facts())}
+    row: dict[str, Any] = {"kind": "surface", **_of_facts(mesh.facts())}
     row["seconds_read"] = clock.lap()
     score = starshapeness(mesh, domain=settings.domain, gap=settings.gap)
     row |= _of_score(score)

@@ -14,8 +14,8 @@ from voxkernel._extras import check_installed
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
-from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.evaluation.inputs import BadInput, Item, content_hash, count_suffixes, find_items, labelled, read_labels
+from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.run_lock import locked_run
 from voxkernel.evaluation.settings import PROFILE_TOLERANCES, EvaluateSettings, settings_hash, versions_text

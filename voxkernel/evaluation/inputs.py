@@ -20,8 +20,8 @@ from voxkernel.labels import is_label_file
 from voxkernel.run_table import defused, is_local, open_run
 
 __all__ = [
-    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled", "local_copy",
-    "read_labels", "with_data",
+    "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled",
+    "local_copy", "read_labels", "with_data",
 ]  # fmt: skip
 
 _SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .x3d .x3dv".split())

@@ -28,7 +28,7 @@ def label_rows(
     ids = objects.label if part is None else objects.label[part[0] : part[1]]
     read = perf_counter()
     stars = label_stars(
-        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat, ids=ids, objects=objects
+        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat, ids=ids.tolist(), objects=objects
     )
     done = perf_counter()
     rows = [_row(stars, i, len(objects)) for i in range(len(stars))]

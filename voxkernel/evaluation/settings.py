@@ -10,7 +10,7 @@ from typing import Any, Literal
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
 from voxkernel._extras import optional
 from voxkernel._plain import json_text
-from voxkernel.labels import as_ray_counts
+from voxkernel.labels.label_stars import as_ray_counts
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 

@@ -2,7 +2,7 @@
 
 from voxkernel.labels.image_files import is_label_file, read_labels
 from voxkernel.labels.label_image import LabelImage
-from voxkernel.labels.label_stars import as_ray_counts, label_stars
+from voxkernel.labels.label_stars import label_stars
 from voxkernel.labels.label_table import LabelStars
 from voxkernel.labels.objects import LabelObjects, find_objects
 from voxkernel.labels.painting import paint_labels
@@ -14,7 +14,6 @@ __all__ = [
     "LabelObjects",
     "LabelStars",
     "StarKernels",
-    "as_ray_counts",
     "find_objects",
     "is_label_file",
     "label_stars",

@@ -36,9 +36,9 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     Parameters
     ----------
     path : path
-        `.tif` (of ImageJ, OME or plain), `.nii`, `.nii.gz`, `.nrrd`, `.npy`, `.npz`, `.h5` or `.zarr` (OME-Zarr). Behind
-        ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there are
-        several.
+        `.tif` (of ImageJ, OME or plain), `.nii`, `.nii.gz`, `.nrrd`, `.npy`, `.npz`, `.h5` or `.zarr` (OME-Zarr).
+        Behind ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there
+        are several.
     spacing : sequence of float, optional
         Distance of voxel centres along each axis, in the order of the axes; by default what the file stores.
 
@@ -59,8 +59,8 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
 
     Notes
     -----
-    Read in boxes: `.npy`, uncompressed `.tif` and `.nii`, by pages other `.tif`, by chunks `.h5` and `.zarr`. Held whole:
-    `.nii.gz`, `.nrrd` and `.npz`.
+    Read in boxes: `.npy`, uncompressed `.tif` and `.nii`, by pages other `.tif`, by chunks `.h5` and `.zarr`. Held
+    whole: `.nii.gz`, `.nrrd` and `.npz`.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     ...     print(image.shape, image.spacing, image.to_array().sum())
     (4, 5) (2.0, 1.0) 20
     """
-    if not isinstance(path, str | os.PathLike):
+    if not isinstance(path, str | os.PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise TypeError(f"`path` must be a path; got {type(path).__name__}")
     name, inside = _parted(os.fspath(path))
     suffix = _suffix(name)

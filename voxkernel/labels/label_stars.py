@@ -164,8 +164,8 @@ def _table(
     center = np.array([r.center for r, _ in rows], dtype=np.int64).reshape(n, 3)[:, 3 - axes :]
     needed = np.array([rays_needed(counts, r.iou) for r, _ in rows], dtype=np.int64).reshape(n, 2)
     reasons = [
-        reason_of(int(v), (r.n_fragments, r.largest_fragment, r.n_holes, r.hole_voxels), int(v) - r.n_seen, counts, r.iou)
-        for v, (r, _) in zip(voxels, rows, strict=True)
+        reason_of(v, (r.n_fragments, r.largest_fragment, r.n_holes, r.hole_voxels), v - r.n_seen, counts, r.iou)
+        for v, (r, _) in zip(voxels.tolist(), rows, strict=True)
     ]
     numbers = np.array([(s.defect_lower, s.defect_upper, s.kernel_ratio) for _, s in rows]).reshape(n, 3)
     return LabelStars(
@@ -173,7 +173,8 @@ def _table(
         fragments=parts[:, 0], largest_fragment=parts[:, 1], holes=parts[:, 2], hole_voxels=parts[:, 3],
         touches_border=np.array([r.touches_border for r, _ in rows], dtype=np.bool_),
         elongation=np.array([r.elongation for r, _ in rows], dtype=np.float64),
-        visible=seen[:, 0], visible_upper=seen[:, 1], center=center, center_world=center * np.array(image.spacing),
+        visible=seen[:, 0], visible_upper=seen[:, 1], center=center,
+        center_world=center.astype(np.float64) * np.array(image.spacing),
         visible_deepest=seen[:, 2], visible_centroid=seen[:, 3], n_rays=counts,
         iou=np.array([r.iou for r, _ in rows], dtype=np.float64).reshape(n, len(counts)),
         iou_stepped=np.array([r.iou_stepped for r, _ in rows], dtype=np.float64).reshape(n, len(counts)),

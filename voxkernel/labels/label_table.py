@@ -177,7 +177,7 @@ def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, i
 def reason_of(
     voxels: int, parts: tuple[int, int, int, int], hidden: int, n_rays: tuple[int, ...], iou: tuple[float, ...]
 ) -> tuple[str, str]:
-    """Why an object falls short, the first that holds: in pieces, hollow, partly hidden, too elongated; and in words."""
+    """Why an object falls short, the first that holds: in pieces, hollow, partly hidden, elongated; and in words."""
     n_fragments, largest, n_holes, hole_voxels = parts
     share = f"{hidden / voxels:.2%} of its voxels are hidden from the best one"
     if n_fragments > 1:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._checks import as_depth
 from voxkernel._core import StopFlag, label_boxes
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
@@ -57,7 +58,7 @@ def find_objects(image: LabelImage, *, threads: int = 1) -> LabelObjects:
     Raises
     ------
     ValueError
-        If a label is negative, not an integer, or above 2**63 - 1.
+        If a label is negative, not an integer, or above 2**63 - 1, or `threads` cannot be used.
 
     Examples
     --------
@@ -76,7 +77,7 @@ def find_objects(image: LabelImage, *, threads: int = 1) -> LabelObjects:
         labels, sizes, boxes = label_boxes(block, stop)
         return labels, sizes, boxes + np.array([0, *low, 0, *low] if image.is_flat else [*low, *low])
 
-    parts = run_parts(scan, block_boxes(image), threads)
+    parts = run_parts(scan, block_boxes(image), as_depth("threads", threads, 1, 256))
     labels, sizes, boxes = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(labels, kind="stable")
     labels, sizes, boxes = labels[order], sizes[order], boxes[order]

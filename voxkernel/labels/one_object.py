@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, ray_lengths, squared_depths, visible_count
+from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
 
 __all__ = ["ImageFrame", "ObjectRow", "object_row", "position_of"]
@@ -16,8 +17,8 @@ __all__ = ["ImageFrame", "ObjectRow", "object_row", "position_of"]
 ALWAYS = 6000  # voxels of an object whose best voxel is always certified
 
 
-@dataclass(frozen=True, slots=True)
-class ImageFrame:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ImageFrame(Frozen):
     """What all objects of an image have in common; always three axes, the first of length 1 for a flat image."""
 
     shape: tuple[int, int, int]
@@ -46,7 +47,9 @@ class ObjectRow:
     iou_stepped: tuple[float, ...]
 
 
-def object_row(crop: NDArray[np.uint8], low: Sequence[int], frame: ImageFrame, stop: StopFlag | None = None) -> ObjectRow:
+def object_row(
+    crop: NDArray[np.uint8], low: Sequence[int], frame: ImageFrame, stop: StopFlag | None = None
+) -> ObjectRow:
     """Work on a crop with a layer of background around; `low` is the first voxel of the object's box."""
     flat, n = frame.is_flat, int(np.count_nonzero(crop))
     depths = np.empty(crop.shape)

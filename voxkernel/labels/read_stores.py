@@ -31,7 +31,12 @@ def read_hdf5(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
     h5py = optional("h5py")
     file = h5py.File(path, "r")
     names: list[str] = []
-    file.visititems(lambda name, thing: names.append(name) if isinstance(thing, h5py.Dataset) else None)
+
+    def note(name: str, thing: Any) -> None:
+        if isinstance(thing, h5py.Dataset):
+            names.append(name)
+
+    file.visititems(note)
     data = file[_the_one(names, inside)]
     for attribute in ("element_size_um", "spacing"):
         if attribute in data.attrs:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_points
+from voxkernel._checks import as_depth, as_integers, as_points, check_index_range
 from voxkernel._core import StopFlag, star_kernels
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
@@ -78,8 +78,8 @@ def star_polyhedra_kernels(
 
     Notes
     -----
-    The centre is in every kernel, so that its planes cut a cube about it, the nearest first; in floating point, with
-    corners found again from their planes.
+    The centre is in every kernel; every face is cut out of its own plane by all others, in floating point, and whether
+    the edges of the faces fit says whether that went well.
 
     Examples
     --------
@@ -103,8 +103,10 @@ def star_polyhedra_kernels(
     n = len(middle)
     volume, boxes, outcome = np.zeros(n), np.zeros((n, 6)), np.zeros(n, np.int8)
 
+    units, spans = directions / norms[:, None], lengths * norms
+
     def part(first: int, stop: StopFlag) -> None:
-        star_kernels(directions, triangles, lengths, first, min(n, first + _PART), volume, boxes, outcome, stop)
+        star_kernels(units, triangles, spans, first, min(n, first + _PART), volume, boxes, outcome, stop)
 
     run_parts(part, range(0, n, _PART), n_threads)
     general = np.flatnonzero(outcome == 0).tolist()
@@ -118,19 +120,24 @@ def star_polyhedra_kernels(
     )  # fmt: skip
 
 
-def _triangles(directions: NDArray[np.float64], norms: NDArray[np.float64], faces: ArrayLike | None) -> NDArray[np.int64]:
+def _triangles(
+    directions: NDArray[np.float64], norms: NDArray[np.float64], faces: ArrayLike | None
+) -> NDArray[np.int64]:
     """Triangles that the centre is behind, closed around it."""
-    from voxkernel._checks import as_integers, check_index_range
+    from scipy.spatial import QhullError
 
     if faces is None:
-        triangles = outward_faces(directions / norms[:, None])
+        try:
+            triangles = outward_faces(directions / norms[:, None])
+        except QhullError:
+            raise ValueError("`rays` must surround the centre; got directions in one plane") from None
     else:
         triangles = as_integers("faces", faces, shape="(f, 3)", ndim=2, columns=3).copy()
         check_index_range("faces", triangles, len(directions))
         turned = np.linalg.det(directions[triangles]) < 0.0
         triangles[turned] = triangles[turned][:, ::-1]
     if (np.linalg.det((directions / norms[:, None])[triangles]) <= 1e-12).any():
-        raise ValueError("`rays` must surround the centre, no three of a face in one plane with it; got some that do not")
+        raise ValueError("`rays` must surround the centre, no face in one plane with it; got some that do not")
     facts = TriangleMesh.from_triangles(directions / norms[:, None], triangles).facts()
     if not (facts.is_closed and facts.is_oriented):
         raise ValueError("`faces` must close around the centre; got some that leave gaps or overlap")

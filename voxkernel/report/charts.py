@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.report.rows import CELL_SCORES, LABEL_SCORES, OUTCOMES, SCORES, ReportRows, Score
+from voxkernel.report.rows import ALL_SCORES, OUTCOMES, ReportRows, Score
 from voxkernel.report.text import count, number, percent, readable, shorten
 
 __all__ = ["Axis", "Chart", "boxes", "histogram", "profile_charts", "roc_charts", "score_charts"]
@@ -20,7 +20,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 14.0, 10.0, 38.0
 _BINS = 30
 _ZERO, _GAP = 32.0, 18.0  # width of the place for zero on a logarithmic axis, and what follows it
 CLASS_OF: dict[str, str] = dict(zip(OUTCOMES, ("star", "flat", "not", "failed"), strict=True))
-_TITLES = {score.name: score for score in (*SCORES, *CELL_SCORES, *LABEL_SCORES)}
+_TITLES = {score.name: score for score in ALL_SCORES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class Axis:
 
 def score_charts(rows: ReportRows) -> list[Chart]:
     """Histograms of the scores of surfaces, and of the numbers of cells where there are any."""
-    return [histogram(rows, score) for score in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if rows.has(score.column)]
+    return [histogram(rows, score) for score in ALL_SCORES if rows.has(score.column)]
 
 
 def histogram(rows: ReportRows, score: Score) -> Chart:

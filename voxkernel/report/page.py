@@ -15,7 +15,7 @@ from voxkernel._plain import json_text
 from voxkernel.report import charts as charts
 from voxkernel.report.objects import object_charts, worst_objects
 from voxkernel.report.pictures import Pictures
-from voxkernel.report.rows import CELL_SCORES, LABEL_SCORES, SCORES, ReportRows
+from voxkernel.report.rows import ALL_SCORES, CELL_SCORES, LABEL_SCORES, SCORES, ReportRows
 from voxkernel.report.text import count, json_block, left_out_text, number, one_line, percent, readable, shorten
 
 __all__ = ["render_page", "shape_name"]
@@ -228,7 +228,8 @@ def _headline(summary: dict[str, Any]) -> str:
                f"of their voxels ({percent(objects['n_star'], objects['n'])})."  # fmt: skip
         if not done:
             return f"{count(n)} rows from {count(summary['n_files'])} files. {seen}"
-        rest = f"Some point sees the whole surface of {count(stars)} of the {count(done)} others ({percent(stars, done)})."
+        rest = f"Some point sees the whole surface of {count(stars)} of the {count(done)} others "
+        rest += f"({percent(stars, done)})."
         return f"{count(n)} rows from {count(summary['n_files'])} files{cells}. {seen} {rest}"
     return (
         f"{count(n)} rows from {count(summary['n_files'])} files{cells}. Some point sees the whole surface of "
@@ -280,7 +281,7 @@ def _pixels(value: float) -> str:
 
 
 def _score_title(name: str) -> str:
-    return next(score.title.lower() for score in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if score.name == name)
+    return next(score.title.lower() for score in ALL_SCORES if score.name == name)
 
 
 def readable_lines(text: str) -> str:

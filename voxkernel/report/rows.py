@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
-__all__ = ["CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows", "worst_first"]
+__all__ = [
+    "ALL_SCORES", "CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows",
+    "worst_first",
+]  # fmt: skip
 
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
 
@@ -43,6 +46,9 @@ LABEL_SCORES = (
     Score("voxels_seen", "Seen from the best voxel", "voxels_seen", 1,
           "share of the object's voxels whose segment to its best voxel stays in the object (V*)"),
 )  # fmt: skip
+
+
+ALL_SCORES = (*SCORES, *CELL_SCORES, *LABEL_SCORES)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -137,7 +143,7 @@ def from_table(table: Any) -> ReportRows:
 
 
 def worst_first(rows: ReportRows, ids: Sequence[int]) -> list[int]:
-    """Sort rows from the least star-shaped: larger defect or hidden share first, then smaller ratio, then the table's order."""
+    """Sort rows from the least star-shaped: larger defect or hidden share first, then smaller ratio, then the order."""
     defect = np.nan_to_num(rows.numbers["violation_upper"], nan=0.0)
     ratio = np.nan_to_num(rows.numbers["ratio"], nan=0.0)
     hidden = 1.0 - np.nan_to_num(rows.numbers["voxels_seen"], nan=1.0)

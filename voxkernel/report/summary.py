@@ -12,7 +12,7 @@ import numpy as np
 from voxkernel._npz import is_shallow, read_json
 from voxkernel.report.labels import label_summary, labels_of
 from voxkernel.report.objects import object_summary
-from voxkernel.report.rows import CELL_SCORES, LABEL_SCORES, OUTCOMES, SCORES, ReportRows, worst_first
+from voxkernel.report.rows import ALL_SCORES, OUTCOMES, ReportRows, worst_first
 from voxkernel.report.statistics import quantiles, spearman
 
 __all__ = ["read_left_out", "summarize"]
@@ -56,7 +56,7 @@ def summarize(
         "counts": {name: counts.get(name, 0) for name in OUTCOMES},
         "failures": _failures(rows),
         "certificates": _certificates(rows),
-        "scores": {s.name: _score(rows, s.column) for s in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if rows.has(s.column)},
+        "scores": {s.name: _score(rows, s.column) for s in ALL_SCORES if rows.has(s.column)},
         "spearman": _agreement(rows),
         "profile": _profile(rows),
         "labels": label_summary(rows, star_labels),
@@ -104,7 +104,7 @@ def _score(rows: ReportRows, column: str) -> dict[str, Any]:
 def _agreement(rows: ReportRows) -> list[dict[str, Any]]:
     """Rank correlation of the scores, each turned so that larger means more star-shaped."""
     found: list[dict[str, Any]] = []
-    used = [s for s in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if rows.has(s.column)]
+    used = [s for s in ALL_SCORES if rows.has(s.column)]
     for a, b in combinations(used, 2):
         rho, n = spearman(a.sign * rows.numbers[a.column], b.sign * rows.numbers[b.column])
         found.append({"a": a.name, "b": b.name, "rho": rho, "n": n})
@@ -144,7 +144,7 @@ def _worst(rows: ReportRows) -> list[int]:
 
 
 def _shape(rows: ReportRows, i: int) -> dict[str, Any]:
-    scores = {s.name: float(rows.numbers[s.column][i]) for s in (*SCORES, *CELL_SCORES, *LABEL_SCORES) if rows.has(s.column)}
+    scores = {s.name: float(rows.numbers[s.column][i]) for s in ALL_SCORES if rows.has(s.column)}
     return {
         **_name(rows, i), "label": rows.texts["label"][i], "verdict": rows.outcome[i], **scores,
         "n_facets": None if np.isnan(rows.numbers["n_facets"][i]) else int(rows.numbers["n_facets"][i]),

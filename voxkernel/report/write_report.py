@@ -122,7 +122,8 @@ def _page(
     from voxkernel.report.pictures import collect
 
     wrong = wrong_ids(rows, star_truth(rows, star_labels))
-    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=[*worst_objects(rows, 24), *wrong[: n_views // 3]])
+    first = [*worst_objects(rows, 24), *wrong[: n_views // 3]]
+    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=first)
     return render_page(rows, summary, pictures, title=title, chosen=list(pictures.views))
 
 

@@ -1,0 +1,60 @@
+"""Kernels of many star polyhedra: known solids, the code of `exact_kernel`, errors."""
+
+import numpy as np
+import pytest
+
+import voxkernel
+from voxkernel import star_polyhedra_kernels
+from voxkernel.labels.ray_sets import golden_rays, outward_faces
+
+AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
+
+
+def test_an_octahedron_is_its_own_kernel():
+    kernels = star_polyhedra_kernels([[1, 2, 3], [0, 0, 0]], [[2] * 6, [1] * 6], AXES)
+    np.testing.assert_allclose(kernels.volume, [32 / 3, 4 / 3], rtol=1e-12)
+    np.testing.assert_allclose(kernels.polyhedron_volume, kernels.volume, rtol=1e-12)
+    np.testing.assert_allclose(kernels.low[0], [-1, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(kernels.high[0], [3, 4, 5], atol=1e-12)
+    assert kernels.n_general == 0
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1, 0.6, 3.0])
+def test_beside_the_exact_kernel(rng, spread):
+    rays = golden_rays(32)
+    distances = np.exp(spread * rng.normal(size=(6, 32)))
+    kernels = star_polyhedra_kernels(rng.normal(size=(6, 3)), distances, rays, threads=2)
+    assert (kernels.volume > 0).all()
+    assert (kernels.volume <= kernels.polyhedron_volume * (1 + 1e-9)).all()
+    for i in range(6):
+        exact = voxkernel.exact_kernel((rays * distances[i][:, None], outward_faces(rays)))
+        assert kernels.volume[i] == pytest.approx(exact.volume, rel=1e-6)
+
+
+def test_threads_do_not_change_rows(rng):
+    distances = rng.uniform(1, 2, (600, 24))
+    one, two = (star_polyhedra_kernels(np.zeros((600, 3)), distances, golden_rays(24), threads=t) for t in (1, 2))
+    assert np.array_equal(one.volume, two.volume)
+    assert np.array_equal(one.low, two.low)
+
+
+def test_none():
+    assert len(star_polyhedra_kernels(np.zeros((0, 3)), np.zeros((0, 6)), AXES)) == 0
+
+
+WRONG = {
+    "`distances` must be > 0; got 0": ([[0, 0, 0]], [[0] * 6], AXES, None),
+    "`distances` must have one row for each of 2 centers; got 1": ([[0, 0, 0]] * 2, [[1] * 6], AXES, None),
+    r"`distances` must have shape \(n, 6\)": ([[0, 0, 0]], [[1] * 5], AXES, None),
+    "`rays` must be at least 4 directions": ([[0, 0, 0]], [[1] * 3], AXES[::2], None),
+    "`rays` must surround the centre": ([[0, 0, 0]], [[1] * 6], np.abs(AXES) + [[0.1, 0.2, 0.3]] * AXES, None),
+    "`faces` must close around the centre": ([[0, 0, 0]], [[1] * 6], AXES, [[0, 2, 4]]),
+    r"`faces` must be in 0..5; got 6": ([[0, 0, 0]], [[1] * 6], AXES, [[0, 2, 6]]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_errors(words):
+    centers, distances, rays, faces = WRONG[words]
+    with pytest.raises(ValueError, match=words):
+        star_polyhedra_kernels(centers, distances, rays, faces=faces)
