@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.registration.search import inverse
 from voxkernel.registration.side import Side
 
 __all__ = ["Pairs", "Polished", "pairs_of", "polished"]

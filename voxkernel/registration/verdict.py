@@ -1,4 +1,4 @@
-"""Evidence -> the probability that a motion is right, by a model that `datasets_tools/fit_registration_verdict.py` fits."""
+"""Evidence -> the probability that a motion is right; `datasets_tools/fit_registration_verdict.py` fits the model."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from voxkernel.registration.evidence import Evidence
 from voxkernel.registration.result import Verdict
 
-__all__ = ["NAMES", "believed", "descriptors", "verdict_of"]
+__all__ = ["NAMES", "NO_MATCH", "RIGHT", "SIGNS", "believed", "descriptors", "verdict_of"]
 
 # What the model looks at; a weight keeps the sign that the evidence has by its meaning.
 NAMES = (
     "agreement", "systematic", "noise", "turned", "held", "explained_more", "explained_less", "overlap", "shortfall",
     "rival", "growth",
 )  # fmt: skip
+SIGNS = (1, -1, -1, -1, 1, 1, 1, 1, -1, -1, -1)
 _CENTERS = (2.4, -5.6, -5.2, -3.0, -3.2, -0.5, -0.8, -1.0, -2.5, 0.3, -5.0)
 _SPREADS = (1.4, 1.0, 1.0, 0.8, 1.0, 0.5, 0.6, 0.4, 1.2, 0.4, 1.0)
 _WEIGHTS = (1.5, -2.0, -0.2, -0.8, 0.3, 0.4, 0.4, 0.3, -1.0, -0.8, -0.8)
