@@ -58,7 +58,10 @@ class Outcome:
 
 
 def errors(found: Any, pair: Pair) -> tuple[float, float]:
-    """Angle to the true rotation, and how far the source's centre is off, as a share of its diagonal; far where it has no truth."""
+    """Angle to the true rotation, and how far the source's centre is off, as a share of its diagonal.
+
+    A pair without a true motion is off by more than any.
+    """
     import numpy as np
     from scipy.spatial.transform import Rotation
 

@@ -22,18 +22,20 @@ from voxkernel.registration.side import Side
 
 __all__ = ["Contest", "End"]
 
-_SAMPLES = 2000
-_FEW = 6  # every sixth sample where candidates are compared
+_SAMPLES = 1600
+_FEW = 5  # every fifth sample where candidates are compared
 _REACH = 1 / 45  # of the smaller diagonal: how near explains
 _WIDE = 1 / 16  # of the larger diagonal: where refinement starts
 _LEAST = 1 / 300
 _STEPS = 10
-_LAST_STEPS = 40
+_LAST_STEPS = 30
+_SIZE_STEPS = 6
 _SPACINGS = (1 / 50, 1 / 70)  # of the larger diagonal, between points with features
 _RADIUS = 5.0  # spacings around a point that its feature describes
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
 _MOST_OTHERS = 12
 _POLISHED = {"kernel": 3, "feature": 3}  # of each source; 2 of the others
+_WORSE = 0.35  # a score so far below the best is not looked at more closely
 _CLEARLY = 0.5  # a rank beside which candidates that start with less than half of it are left out
 _DISTINCT_DEG = 5.0
 _APART = 0.03
@@ -156,7 +158,7 @@ class Contest:
             if all(_apart(moved, scaled(k.moved, 1.0 / self.scale)) for k in kept):
                 kept.append(guess)
                 ranks.append(fit_of(*self.few, moved, 2.0 * self.reach).rank)
-            if len(kept) == 3 * most:
+            if len(kept) == 3 * most or guess.moved_score < near[0].moved_score - _WORSE:
                 break
         order = sorted(range(len(kept)), key=lambda k: -ranks[k])[:most]
         for k in order:
@@ -191,10 +193,10 @@ class Contest:
         """How firmly the surfaces hold each other: six eigenvalues, ascending, 0 for a motion that slides freely."""
         return slack_of(*self.sides, end.fit) if len(end.fit.explained[0]) == len(self.sides[0].points) else np.zeros(6)
 
-    def better_size(self, end: End, sides: tuple[Side, Side]) -> tuple[float, Evidence]:
+    def better_size(self, end: End) -> tuple[float, Evidence]:
         """The scale at which the surfaces would fit better, and the evidence for it."""
-        more = polished(*sides, end.polished.transform, reach=max(4.0 * end.polished.reach, 0.5 * _WIDE), least=_LEAST,
-                        steps=_STEPS, with_scale=True)  # fmt: skip
+        more = polished(*self.few, end.polished.transform, reach=max(4.0 * end.polished.reach, 0.5 * _WIDE), least=_LEAST,
+                        steps=_SIZE_STEPS, with_scale=True)  # fmt: skip
         size = float(np.cbrt(np.linalg.det(more.transform[:3, :3])))
         return size, evidence_of(*self.sides, more.transform, fit_of(*self.sides, more.transform, self.reach))
 

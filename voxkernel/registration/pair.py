@@ -118,7 +118,7 @@ def _measured(contest: Contest, best: End) -> tuple[NDArray[np.float64], float, 
     """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
     evidence = contest.evidence(best)
     rivals = contest.rivals(best)
-    size, resized = contest.better_size(best, contest.sides)
+    size, resized = contest.better_size(best)
     numbers = descriptors(evidence, rivals[0].rank / best.rank if rivals else 0.0, size)
     probability = believed(numbers)
     if abs(np.log(size)) > _OTHER_SIZE and _fits_better(resized, evidence):
@@ -135,10 +135,7 @@ def _probability(contest: Contest, end: End) -> float:
     rivals = contest.rivals(end)
     ratio = rivals[0].rank / end.rank if rivals and end.rank > 0 else 0.0
     evidence = contest.evidence(end)
-    at_best = believed(descriptors(evidence, ratio, 1.0))
-    if at_best < _CLEAR:
-        return at_best
-    return believed(descriptors(evidence, ratio, contest.better_size(end, contest.few)[0]))
+    return believed(descriptors(evidence, ratio, 1.0))
 
 
 def _in_world(pair: tuple[PreparedSurface, PreparedSurface], guess: Guess) -> Guess:

@@ -13,7 +13,7 @@ __all__ = ["Pairs", "Polished", "pairs_of", "polished"]
 
 _FACING = 0.5  # cosine between the normals of a pair that counts
 _SIGMAS = 3.5
-_RESTS = 1e-6
+_RESTS = 1e-5
 _FEWEST = 10
 
 
