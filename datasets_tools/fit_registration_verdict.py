@@ -29,6 +29,9 @@ RIGHT = (
 )  # fmt: skip
 WRONG = (("other",), ("scale 1.1", "scale 0.9", "scale 1.05"), ("mirrored", "scale 2"), ("disjoint", "other cropped"))
 
+# Faces and animals are nearly their own mirror images, which then have a right answer.
+CHIRAL = ("formula", "formula, open", "asteroid")
+
 
 def changed(kind: str, shape: Any, other: Any, seed: int) -> tuple[Any, Any]:
     """Make source and target of a pair."""
@@ -80,7 +83,7 @@ def pairs(data: Path | None, rounds: int) -> Iterator[tuple[str, str, str, bool,
             for right, rows in ((True, RIGHT), (False, WRONG)):
                 for choice in rng.permutation(len(rows))[:2]:
                     row = rows[choice][rng.integers(len(rows[choice]))]
-                    if row.startswith("other") and not others:
+                    if (row.startswith("other") and not others) or (row == "mirrored" and kind not in CHIRAL):
                         continue
                     other = others[rng.integers(len(others))]() if row.startswith("other") else None
                     seed = 1000 * turn + place
@@ -88,7 +91,26 @@ def pairs(data: Path | None, rounds: int) -> Iterator[tuple[str, str, str, bool,
                     pair = posed(f"{name} {row}", seed, source, target, np.eye(4))
                     yield str(half), kind, row, right, pair
     if data is not None:
+        yield from expression_pairs(data)
         yield from range_pairs(data)
+
+
+def expression_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
+    """Two expressions of one face, and another person's face."""
+    import numpy as np
+    from registration_pairs import OTHER, posed
+    from registration_shapes import half_of, thinned
+
+    for number, path in enumerate(sorted((data / "faces").glob("ict*.ply"))):
+        person, expression = path.stem.split("_")
+        half, face = half_of(path.stem), thinned(path, 5000)
+        other = thinned(path.with_name(f"{person}_{OTHER[expression]}.ply"), 4000)
+        yield str(half), "face", "expression", True, posed(f"{path.stem} expression", number, face, other, np.eye(4))
+        others = [p for p in sorted((data / "faces").glob(f"ict*_{expression}.ply")) if half_of(p.stem) == half]
+        stranger = others[(others.index(path) + 1) % len(others)]
+        if stranger != path:
+            pair = posed(f"{path.stem} other person", number, face, thinned(stranger, 4000), np.eye(4))
+            yield str(half), "face", "other person", False, pair
 
 
 def range_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
@@ -208,7 +230,8 @@ def _run(args: argparse.Namespace) -> int:
             with place.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(entry) + "\n")
         tool.say(f"{kind} {pair.row}: right {entry['right']} of {possible}, {probability:.3f}", quiet=args.quiet)
-    used = [o for o in outcomes if not o["ambiguous"] and np.isfinite(np.array(o["numbers"], float)).all()]
+    used = [o for o in outcomes if o["row"] != "mirrored" or o["kind"] in CHIRAL]
+    used = [o for o in used if not o["ambiguous"] and np.isfinite(np.array(o["numbers"], float)).all()]
     first = [o for o in used if o["half"] == "0"]
     model = fitted(
         np.array([o["numbers"] for o in first]), np.array([o["right"] for o in first]), np.array(SIGNS)
