@@ -54,8 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="crop both to their overlap and register again, N times; for partial scans",
     )  # fmt: skip
     parser.add_argument(
-        "--estimate-scale", action="store_true", help="the surfaces may be of different size; the motion holds the scale"
-    )
+        "--estimate-scale", action="store_true",
+        help="the surfaces may be of different size; the motion holds the scale",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:

@@ -34,7 +34,8 @@ _SPACINGS = (1 / 50, 1 / 70)  # of the larger diagonal, between points with feat
 _RADIUS = 5.0  # spacings around a point that its feature describes
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
 _MOST_OTHERS = 12
-_POLISHED = {"kernel": 3, "feature": 3}  # of each source; 2 of the others
+_POLISHED = {"kernel": 3}  # of each source; 2 of the others
+_HOPELESS = -0.05  # a rank before refinement below which only kernels' candidates are refined
 _WORSE = 0.35  # a score so far below the best is not looked at more closely
 _CLEARLY = 0.5  # a rank beside which candidates that start with less than half of it are left out
 _DISTINCT_DEG = 5.0
@@ -162,6 +163,8 @@ class Contest:
                 break
         order = sorted(range(len(kept)), key=lambda k: -ranks[k])[:most]
         for k in order:
+            if origin != "kernel" and ranks[k] < _HOPELESS:
+                break
             if any(end.rank > _CLEARLY and ranks[k] < 0.5 * end.rank for end in self.ends):
                 break
             self._refine(scaled(kept[k].moved, 1.0 / self.scale), kept[k])
@@ -195,8 +198,10 @@ class Contest:
 
     def better_size(self, end: End) -> tuple[float, Evidence]:
         """The scale at which the surfaces would fit better, and the evidence for it."""
-        more = polished(*self.few, end.polished.transform, reach=max(4.0 * end.polished.reach, 0.5 * _WIDE), least=_LEAST,
-                        steps=_SIZE_STEPS, with_scale=True)  # fmt: skip
+        wide = max(4.0 * end.polished.reach, 0.5 * _WIDE)
+        more = polished(
+            *self.few, end.polished.transform, reach=wide, least=_LEAST, steps=_SIZE_STEPS, with_scale=True
+        )
         size = float(np.cbrt(np.linalg.det(more.transform[:3, :3])))
         return size, evidence_of(*self.sides, more.transform, fit_of(*self.sides, more.transform, self.reach))
 

@@ -73,8 +73,8 @@ def register(
     Parameters
     ----------
     source, target : mesh, path, (vertices, faces) or PreparedSurface
-        Anything `as_mesh` takes, or what `prepare_surface` made of it with the same margins. Facets of both
-        must be turned the same way.
+        Anything `as_mesh` takes, or what `prepare_surface` made of it with the same margins. Where nothing fits,
+        the facets of one are turned over, and `facets_turned` says so.
     margins : sequence of float, optional
         Margins of the relaxed kernels above the smallest violation, which is found to 2e-3, >= 0; they are computed
         in one traversal and the one whose motion fits the surfaces best wins. 0.06, 0.1 and 0.15 by default.
@@ -105,15 +105,20 @@ def register(
     Notes
     -----
     Kernels move with the surface [1]_, and relaxed kernels exist where scans have no kernel. A copy of each
-    surface is smoothed and thinned; the principal frames of its relaxed kernels give motions, one for each
-    proper choice of signs. Each is moved by a short ICP and scored on both surfaces; when none fits clearly, the
-    frames of the surfaces and a net of 60 rotations about the kernels are tried too. The best are refined by ICP
-    (Open3D). Nothing is random; ICP adds in parallel, so that the last digits may differ from run to run. The
-    pair is ordered by area first, so that exchanging source and target gives the inverse motion.
+    surface of at most 20,000 facets is smoothed and thinned; the principal frames of its relaxed kernels give
+    motions, one for each proper choice of signs. When none fits clearly, local features [2]_ that agree with each
+    other [3]_, the kernels of parts, the frames of the surfaces and a net of 60 rotations give more. All are refined
+    by ICP with Tukey's loss and judged by what they explain of both surfaces and what contradicts them; only the last
+    ICP sees the surfaces at full resolution, where they overlap. Nothing is random; Open3D adds in parallel, so that
+    the last digits may differ from run to run. The pair is ordered by area first, so that exchanging source and
+    target gives the inverse motion.
 
     References
     ----------
     .. [1] N. Werghi, "The Discrete Surface Kernel: Framework and Applications", 2008, sections 2 and 5.
+    .. [2] R. B. Rusu et al., "Fast point feature histograms (FPFH) for 3D registration", ICRA 2009.
+    .. [3] Z. Chen et al., "SC2-PCR: a second order spatial compatibility for efficient and robust point cloud
+       registration", CVPR 2022.
 
     Examples
     --------
@@ -124,8 +129,8 @@ def register(
     >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     >>> source = (target.vertices @ quarter.T, target.faces)
     >>> found = voxkernel.register(source, target)
-    >>> bool(np.allclose(found.T_target_source[:3, :3], quarter.T, atol=1e-9)), found.ambiguous
-    (True, False)
+    >>> bool(np.allclose(found.T_target_source[:3, :3], quarter.T, atol=1e-9)), found.verdict
+    (True, 'right')
     """
     margins = as_margins(margins)
     if refine not in get_args(Refine):

@@ -27,8 +27,9 @@ class Candidate(Frozen):
     ----------
     T_target_source : (4, 4) float64
         As the kernels (or the frame it came from) gave it, before any ICP.
-    origin : {"kernel", "surface", "net"}
-        Principal frames of kernels, of the surfaces themselves, or a net of rotations.
+    origin : {"kernel", "feature", "part", "surface", "net"}
+        Principal frames of kernels, local features, kernels of parts, frames of the surfaces themselves, or a net of
+        rotations.
     margin : float
         Margin of the kernels; NaN for the other origins.
     score : float
