@@ -44,11 +44,16 @@ def test_motion_moved_source_and_pictures(files, capsys):
 def test_json_and_exit_code_of_a_misfit(files, capsys):
     folder, _ = files
     mesh = as_mesh(folder / "target.ply")
-    as_mesh((mesh.vertices, mesh.faces[:, ::-1])).write(folder / "inside_out.ply")
-    assert main(["register", f"{folder}/source.ply", f"{folder}/inside_out.ply", "--json", "-q"]) == 1
+    as_mesh((mesh.vertices * 3.0, mesh.faces)).write(folder / "large.ply")
+    pair = ["register", f"{folder}/source.ply", f"{folder}/large.ply", "--json", "-q"]
+    assert main(pair) == 1
     document = json.loads(capsys.readouterr().out)
-    assert document["converged"] is False
-    assert document["reason"]
+    assert document["verdict"] == "no match"
+    assert "at a scale of 3" in document["reason"]
+    assert main([*pair, "--estimate-scale"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "right"
+    assert document["scale"] == pytest.approx(3.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,8 @@ from voxkernel.cli.output import (
 HELP = "the rigid motion that lays one surface on another"
 DESCRIPTION = (
     "Register a source surface to a target through their relaxed kernels, from any pose and without a first guess,\n"
-    "then by ICP on the surfaces. The motion maps source points to target points. Exit code 1 when it did not\n"
-    "converge. An ambiguous answer says why."
+    "then by ICP on the surfaces. The motion maps source points to target points. Exit code 1 for 'no match'.\n"
+    "An answer that is not right without doubt says why."
 )
 EXAMPLES = (
     "voxkernel register scan.ply reference.ply -o T.json",
@@ -53,6 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--overlap-steps", type=int, default=0, metavar="N",
         help="crop both to their overlap and register again, N times; for partial scans",
     )  # fmt: skip
+    parser.add_argument(
+        "--estimate-scale", action="store_true",
+        help="the surfaces may be of different size; the motion holds the scale",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     source, target = (prepare_surface(path, margins=args.margins) for path in (args.source, args.target))
     found = register(
         source, target, margins=args.margins, refine=args.refine, max_distance=args.max_distance,
-        overlap_steps=args.overlap_steps,
+        overlap_steps=args.overlap_steps, estimate_scale=args.estimate_scale,
     )  # fmt: skip
     document = {"source": args.source, "target": args.target, **found.to_dict()}
     if output is not None:
@@ -89,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(document)
     else:
         print_table(_rows(args, found))
-    return 0 if found.converged else 1
+    return 1 if found.verdict == "no match" else 0
 
 
 def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:
@@ -97,17 +101,21 @@ def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:
     from scipy.spatial.transform import Rotation
 
     motion = found.T_target_source
-    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    turn = Rotation.from_matrix(motion[:3, :3] / found.scale).as_rotvec()
     angle = float(np.linalg.norm(turn))
     axis = turn / angle if angle > 0 else turn
     rows = {
         "source": display(args.source),
         "target": display(args.target),
+        "verdict": f"{found.verdict}, probability {number(found.probability, 3)}",
         "rotation": f"{number(np.degrees(angle), 8)} degrees about " + "  ".join(number(v, 6) for v in axis),
         "shift": "  ".join(number(v, 10) for v in motion[:3, 3]),
         "fitness": f"{number(100 * found.fitness, 5)} % of the source within {number(found.max_distance, 4)}, "
         f"RMS {number(found.inlier_rmse, 4)}",
         "margin": number(found.margin, 3) if np.isfinite(found.margin) else "no kernel led to the answer",
+        "scale": number(found.scale, 8),
+        "led by": found.led_by or "nothing",
+        "facets": "of one surface turned over" if found.facets_turned else "as given",
         "converged": "yes" if found.converged else "no",
         "ambiguous": "yes" if found.ambiguous else "no",
     }

@@ -1,9 +1,10 @@
-"""A pair of surfaces and the candidates for it: each source of them in turn, all judged alike, until one fits clearly."""
+"""A pair of surfaces and its candidates: each source of them in turn, all judged alike, until one fits clearly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -21,18 +22,22 @@ from voxkernel.registration.side import Side
 
 __all__ = ["Contest", "End"]
 
-_SAMPLES = 2000
-_FEW = 6  # every sixth sample where candidates are compared
+_SAMPLES = 1600
+_FEW = 5  # every fifth sample where candidates are compared
 _REACH = 1 / 45  # of the smaller diagonal: how near explains
 _WIDE = 1 / 16  # of the larger diagonal: where refinement starts
 _LEAST = 1 / 300
 _STEPS = 10
-_LAST_STEPS = 40
+_LAST_STEPS = 30
+_SIZE_STEPS = 6
 _SPACINGS = (1 / 50, 1 / 70)  # of the larger diagonal, between points with features
 _RADIUS = 5.0  # spacings around a point that its feature describes
-_MOST = {"kernel": 60, "part": 12, "feature": 8, "surface": 12}  # moved by a short ICP
-_POLISHED = {"kernel": 3, "feature": 3}  # of each source; 2 of the others
-_NEARLY = 0.12  # a kernel's score below the best that may still be another right answer
+_MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
+_MOST_OTHERS = 12
+_POLISHED = {"kernel": 3}  # of each source; 2 of the others
+_HOPELESS = -0.05  # a rank before refinement below which only kernels' candidates are refined
+_WORSE = 0.35  # a score so far below the best is not looked at more closely
+_CLEARLY = 0.5  # a rank beside which candidates that start with less than half of it are left out
 _DISTINCT_DEG = 5.0
 _APART = 0.03
 
@@ -74,9 +79,9 @@ class Contest:
         one, two = (ScoredCloud(p.coarse, self.scale) for p in self.pair)
         return one, two
 
-    def run(self, clear: Callable[[End], bool]) -> None:
-        """Try source after source of candidates until the best answer fits clearly."""
-        for guesses in self._sources():
+    def run(self, clear: Callable[[End], bool], sources: int) -> None:
+        """Try source after source of candidates, at most so many, until the best answer fits clearly."""
+        for guesses in islice(self._sources(), sources):
             self._judge(guesses)
             best = self.best
             if best is not None and best.rank > 0.0 and clear(best):
@@ -142,7 +147,9 @@ class Contest:
         if not guesses:
             return
         origin = guesses[0].origin
-        near = guesses if origin == "feature" else tried(guesses, self.clouds, self.scale, _MOST[origin])
+        near = guesses
+        if origin != "feature":
+            near = tried(guesses, self.clouds, self.scale, _MOST.get(origin, _MOST_OTHERS))
         most = _POLISHED.get(origin, 2)
         self.guesses += near
         kept: list[Guess] = []
@@ -152,12 +159,15 @@ class Contest:
             if all(_apart(moved, scaled(k.moved, 1.0 / self.scale)) for k in kept):
                 kept.append(guess)
                 ranks.append(fit_of(*self.few, moved, 2.0 * self.reach).rank)
-            if len(kept) == 3 * most:
+            if len(kept) == 3 * most or guess.moved_score < near[0].moved_score - _WORSE:
                 break
         order = sorted(range(len(kept)), key=lambda k: -ranks[k])[:most]
         for k in order:
-            start = scaled(kept[k].moved, 1.0 / self.scale)
-            self._refine(start, kept[k])
+            if origin != "kernel" and ranks[k] < _HOPELESS:
+                break
+            if any(end.rank > _CLEARLY and ranks[k] < 0.5 * end.rank for end in self.ends):
+                break
+            self._refine(scaled(kept[k].moved, 1.0 / self.scale), kept[k])
 
     def enter(self, motions: list[tuple[NDArray[np.float64], Guess]]) -> None:
         """Refine and judge motions that were found elsewhere."""
@@ -188,8 +198,10 @@ class Contest:
 
     def better_size(self, end: End) -> tuple[float, Evidence]:
         """The scale at which the surfaces would fit better, and the evidence for it."""
-        more = polished(*self.few, end.polished.transform, reach=max(4.0 * end.polished.reach, 0.5 * _WIDE), least=_LEAST,
-                        steps=_STEPS, with_scale=True)  # fmt: skip
+        wide = max(4.0 * end.polished.reach, 0.5 * _WIDE)
+        more = polished(
+            *self.few, end.polished.transform, reach=wide, least=_LEAST, steps=_SIZE_STEPS, with_scale=True
+        )
         size = float(np.cbrt(np.linalg.det(more.transform[:3, :3])))
         return size, evidence_of(*self.sides, more.transform, fit_of(*self.sides, more.transform, self.reach))
 

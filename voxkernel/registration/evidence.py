@@ -28,7 +28,7 @@ class Fit(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Numbers about a motion, lengths as shares of the root of the explained area.
+    """Numbers about a motion, lengths as shares of the smaller diagonal.
 
     `explained_more` and `explained_less` are the explained shares of the surface that the other one covers best and
     least, `agreement` what is explained of all that could contradict, `systematic` the offset that neighbours have in
@@ -99,7 +99,7 @@ def evidence_of(source: Side, target: Side, motion: NDArray[np.float64], fit: Fi
     small = min(float(np.linalg.norm(np.ptp(s.points, axis=0))) for s in sides)
     return Evidence(
         max(shares), min(shares), sum(explained) / max(sum(explained) + sum(against), 1e-300),
-        float(np.sqrt(common / total)) / length, float(np.sqrt(noise / total)) / length, turned / total,
+        float(np.sqrt(common / total)) / small, float(np.sqrt(noise / total)) / small, turned / total,
         float(max(values[0], 0.0) / values[-1]), length / small,
         max(a / (e or 1.0) for a, e in zip(against, explained, strict=True)),
     )  # fmt: skip

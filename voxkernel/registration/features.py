@@ -1,4 +1,4 @@
-"""Local features of thinned surfaces, matched and brought to agree: motions where kernels are moved by clutter or crops."""
+"""Local features of thinned surfaces, matched and brought to agree, for where clutter or crops have moved kernels."""
 
 from __future__ import annotations
 

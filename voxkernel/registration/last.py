@@ -18,6 +18,7 @@ _SAMPLES = 4000
 _STEPS = 12
 _RESTS = 2e-5
 _LEAST = 1 / 300
+_POINTS_REACH = 1 / 60
 _NEARLY_EXACT = 2e-3
 _EXACT = 1e-9
 
@@ -40,7 +41,8 @@ def last_refined(
     if close or method == "point_to_point":
         clouds = ScoredCloud(pair[0].fine, scale), ScoredCloud(pair[1].fine, scale)
         if method == "point_to_point":
-            end = icp(clouds[0].cloud, clouds[1].cloud, motion, max(found.reach, 1 / 60), method, steps=100, change=1e-9)
+            one, two = (c.cloud for c in clouds)
+            end = icp(one, two, motion, max(found.reach, _POINTS_REACH), method, steps=100, change=1e-9)
             if end.n_pairs >= 3:
                 motion, rests = end.transform, True
         exact = _of_copies(*clouds, motion)

@@ -18,10 +18,11 @@ from voxkernel.registration.prepare import PreparedSurface, prepare
 from voxkernel.registration.score import surface_score
 from voxkernel.registration.search import Guess, rotation_angle_deg
 from voxkernel.registration.side import Side
-from voxkernel.registration.verdict import believed, descriptors
+from voxkernel.registration.verdict import NAMES, believed, descriptors
 
 __all__ = ["SCORE_REACH", "Solution", "cropped_to_overlap", "solve"]
 
+ALL_SOURCES = 5
 SCORE_REACH = 1 / 30  # of the larger diagonal
 _DISTINCT_DEG = 5.0
 _EQUAL_RANKS = 0.02
@@ -49,17 +50,20 @@ class Solution(Frozen):
     reason: str
     probability: float
     other_size: float
+    size: float
     numbers: NDArray[np.float64]
+    local: NDArray[np.float64]  # between the sides, which are scaled
     sides: tuple[Side, Side]
 
 
 def solve(
-    pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine
-) -> Solution:
+    pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine,
+    *, sources: int = ALL_SOURCES,
+) -> Solution:  # fmt: skip
     """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped."""
     contest = Contest(*pair)
     searched = contest if pair is shown else Contest(*shown)
-    searched.run(lambda end: _probability(searched, end) > _CLEAR)
+    searched.run(lambda end: _probability(searched, end) > _CLEAR, sources)
     guesses = tuple(_in_world(shown, g) for g in sorted(searched.guesses, key=lambda g: -g.moved_score))
     if searched is not contest:
         contest.enter([_between(searched, contest, end) for end in searched.ends])
@@ -67,10 +71,12 @@ def solve(
     if best is None or best.rank < _NO_FIT:
         start = guesses[0].transform if guesses else np.eye(4)
         return Solution(
-            start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, _MISFIT, 0.0, 1.0,
-            np.full(11, np.nan), contest.sides,
+            start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, _MISFIT, 0.0, 1.0, 1.0,
+            np.full(len(NAMES), np.nan), scaled(to_local(*pair, start), 1.0 / contest.scale), contest.sides,
         )  # fmt: skip
-    return _unrefined(contest, best, guesses, shown) if method == "none" else _final(contest, best, guesses, method, shown)
+    if method == "none":
+        return _unrefined(contest, best, guesses, shown)
+    return _final(contest, best, guesses, method, shown)
 
 
 def _final(
@@ -81,17 +87,15 @@ def _final(
     best = contest.settled(best)
     motion, rests = last_refined(contest.pair, contest.sides, best.polished, contest.reach, method)
     best = contest.measured(best, motion)
-    numbers, probability, size = _measured(contest, best)
+    numbers, probability, other, size = _measured(contest, best)
     score = surface_score(*contest.sides, motion, SCORE_REACH)
     doubt = _doubt(contest, best)
     reason = doubt if rests else _RESTLESS
-    if size != 1.0:
-        reason = f"the surfaces fit each other better at a scale of {size:.3g}"
     world = to_world(*contest.pair, scaled(motion, contest.scale))
     guess = _in_world(shown, best.guess)
     return Solution(
-        world, score, guess, _by_kernels(guesses, world), guesses, rests, bool(doubt), reason, probability, size,
-        numbers, contest.sides,
+        world, score, guess, _by_kernels(guesses, world), guesses, rests, bool(doubt), reason, probability, other,
+        size, numbers, motion, contest.sides,
     )  # fmt: skip
 
 
@@ -99,27 +103,27 @@ def _unrefined(
     contest: Contest, best: End, guesses: tuple[Guess, ...], shown: tuple[PreparedSurface, PreparedSurface]
 ) -> Solution:
     """Take the guess that leads to the best end, but give it as the kernels did."""
-    numbers, probability, size = _measured(contest, best)
+    numbers, probability, other, size = _measured(contest, best)
     world = to_world(*contest.pair, scaled(best.polished.transform, contest.scale))
     guess = _by_kernels(guesses, world) or _in_world(shown, best.guess)
     local = scaled(to_local(*contest.pair, guess.transform), 1.0 / contest.scale)
     doubt = _doubt(contest, best)
     return Solution(
         guess.transform, surface_score(*contest.sides, local, SCORE_REACH), guess, guess, guesses, True, bool(doubt),
-        doubt, probability, size, numbers, contest.sides,
+        doubt, probability, other, size, numbers, local, contest.sides,
     )  # fmt: skip
 
 
-def _measured(contest: Contest, best: End) -> tuple[NDArray[np.float64], float, float]:
-    """Numbers for the verdict, the probability, and the scale at which the surfaces clearly fit better (or 1)."""
+def _measured(contest: Contest, best: End) -> tuple[NDArray[np.float64], float, float, float]:
+    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
     evidence = contest.evidence(best)
     rivals = contest.rivals(best)
     size, resized = contest.better_size(best)
     numbers = descriptors(evidence, rivals[0].rank / best.rank if rivals else 0.0, size)
     probability = believed(numbers)
     if abs(np.log(size)) > _OTHER_SIZE and _fits_better(resized, evidence):
-        return numbers, min(probability, 0.02), size
-    return numbers, probability, 1.0
+        return numbers, min(probability, 0.02), size, size
+    return numbers, probability, 1.0, size
 
 
 def _fits_better(resized: Evidence, evidence: Evidence) -> bool:
@@ -131,8 +135,7 @@ def _probability(contest: Contest, end: End) -> float:
     rivals = contest.rivals(end)
     ratio = rivals[0].rank / end.rank if rivals and end.rank > 0 else 0.0
     evidence = contest.evidence(end)
-    at_best = believed(descriptors(evidence, ratio, 1.0))
-    return at_best if at_best < _CLEAR else believed(descriptors(evidence, ratio, contest.better_size(end)[0]))
+    return believed(descriptors(evidence, ratio, 1.0))
 
 
 def _in_world(pair: tuple[PreparedSurface, PreparedSurface], guess: Guess) -> Guess:
@@ -163,7 +166,8 @@ def _doubt(contest: Contest, best: End) -> str:
     for other in contest.rivals(best):
         angle = rotation_angle_deg(other.polished.transform, best.polished.transform)
         if best.rank - other.rank < _EQUAL_RANKS:
-            return f"another motion, {angle:.0f} degrees away, fits as well (ranks {best.rank:.3f} and {other.rank:.3f})"
+            ranks = f"{best.rank:.3f} and {other.rank:.3f}"
+            return f"another motion, {angle:.0f} degrees away, fits as well (ranks {ranks})"
     return ""
 
 

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.registration.search import inverse
 from voxkernel.registration.side import Side
 
 __all__ = ["Pairs", "Polished", "pairs_of", "polished"]
 
 _FACING = 0.5  # cosine between the normals of a pair that counts
 _SIGMAS = 3.5
-_RESTS = 1e-6
+_RESTS = 1e-5
 _FEWEST = 10
 
 

@@ -131,6 +131,7 @@ def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int6
 
 
 def kernels_of(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
+    """Compute the relaxed kernels of a smoothed and thinned surface, one for each margin."""
     if not margins:
         return ()
     mesh = TriangleMesh.from_triangles(*surface, source="smoothed surface")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -26,8 +27,9 @@ class Candidate(Frozen):
     ----------
     T_target_source : (4, 4) float64
         As the kernels (or the frame it came from) gave it, before any ICP.
-    origin : {"kernel", "surface", "net"}
-        Principal frames of kernels, of the surfaces themselves, or a net of rotations.
+    origin : {"kernel", "feature", "part", "surface", "net"}
+        Principal frames of kernels, local features, kernels of parts, frames of the surfaces themselves, or a net of
+        rotations.
     margin : float
         Margin of the kernels; NaN for the other origins.
     score : float
@@ -85,6 +87,8 @@ class Registration(Frozen):
         Origin of the candidate that led to the answer; "" where none did.
     facets_turned : bool
         Whether the facets of one surface were turned over, because the two face opposite ways.
+    evidence : mapping of str to float
+        What the probability was computed from, by name (`voxkernel.registration.verdict`).
     """
 
     T_target_source: NDArray[np.float64]
@@ -103,14 +107,15 @@ class Registration(Frozen):
     scale: float = 1.0
     led_by: str = ""
     facets_turned: bool = False
+    evidence: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __repr__(self) -> str:
         """Name angle, fit and doubts."""
         angle = rotation_angle_deg(self.T_target_source, np.eye(4))
         doubts = f", {self.reason!r}" if self.reason else ""
         return (
-            f"Registration({self.verdict!r}, probability={self.probability:.3g}, rotation_deg={angle:.6g}, fitness={self.fitness:.6g}, "
-            f"inlier_rmse={self.inlier_rmse:.6g}, score={self.score:.4g}{doubts})"
+            f"Registration({self.verdict!r}, probability={self.probability:.3g}, rotation_deg={angle:.6g}, "
+            f"fitness={self.fitness:.6g}, inlier_rmse={self.inlier_rmse:.6g}, score={self.score:.4g}{doubts})"
         )
 
     def apply(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -136,6 +141,7 @@ class Registration(Frozen):
             "scale": self.scale,
             "led_by": self.led_by,
             "facets_turned": self.facets_turned,
+            "evidence": dict(self.evidence),
             "candidates": [
                 {
                     "T_target_source": c.T_target_source,

@@ -1,4 +1,4 @@
-"""Evidence -> the probability that a motion is right, by a model that `datasets_tools/fit_registration_verdict.py` fits."""
+"""Evidence -> the probability that a motion is right; `datasets_tools/fit_registration_verdict.py` fits the model."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from numpy.typing import NDArray
 from voxkernel.registration.evidence import Evidence
 from voxkernel.registration.result import Verdict
 
-__all__ = ["NAMES", "believed", "descriptors", "verdict_of"]
+__all__ = ["NAMES", "NO_MATCH", "RIGHT", "SIGNS", "believed", "descriptors", "verdict_of"]
 
 # What the model looks at; a weight keeps the sign that the evidence has by its meaning.
 NAMES = (
     "agreement", "systematic", "noise", "turned", "held", "explained_more", "explained_less", "overlap", "shortfall",
     "rival", "growth",
 )  # fmt: skip
-_CENTERS = (2.4, -5.6, -5.2, -3.0, -3.2, -0.5, -0.8, -1.0, -2.5, 0.3, -5.0)
-_SPREADS = (1.4, 1.0, 1.0, 0.8, 1.0, 0.5, 0.6, 0.4, 1.2, 0.4, 1.0)
-_WEIGHTS = (1.5, -2.0, -0.2, -0.8, 0.3, 0.4, 0.4, 0.3, -1.0, -0.8, -0.8)
-_BIAS = 1.0
-RIGHT, NO_MATCH = 0.8, 0.2
+SIGNS = (1, -1, -1, -1, 1, 1, 1, 1, -1, -1, -1)
+_CENTERS = (3.7339, -6.5999, -6.3948, -3.7737, -2.9695, -0.1164, -0.4293, -0.2485, -4.0919, 0.4268, -4.8005)
+_SPREADS = (1.2886, 1.1953, 0.7884, 0.6843, 0.7305, 0.2723, 0.5290, 0.2320, 1.5759, 0.2871, 1.3059)
+_WEIGHTS = (0.6042, -2.9120, 0.0000, 0.0000, 0.0000, 0.2277, 0.0000, 0.6141, -0.1317, 0.0000, -1.4899)
+_BIAS = 1.6448
+RIGHT, NO_MATCH = 0.6, 0.2  # probabilities
 
 
 def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.float64]:
@@ -27,8 +28,8 @@ def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.flo
     e = evidence
     return np.array([
         np.log((e.agreement + 0.01) / (1.01 - e.agreement)),
-        np.log(e.systematic + 5e-4),
-        np.log(e.noise + 5e-4),
+        np.log(e.systematic + 2e-4),
+        np.log(e.noise + 2e-4),
         np.log(e.turned + 0.01),
         np.log(e.held + 1e-3),
         np.log(e.explained_more + 0.02),
