@@ -69,6 +69,12 @@ def pair():
     return voxkernel.register_many([mesh, mesh], refine="none")[0]
 
 
+@cache
+def joint():
+    mesh = voxkernel.as_mesh(shapes.l_prism())
+    return voxkernel.register_together([mesh, mesh])
+
+
 def polygon_mesh():
     return voxkernel.TriangleMesh.from_polygons(*shapes.prism_polygons([(0, 0), (2, 0), (2, 1), (0, 1)]))
 
@@ -92,6 +98,8 @@ REAL = {
     "Domain": lambda _: planes_domain(np.r_[np.eye(3), -np.eye(3)], np.ones(6)),
     "HalfSpaces": lambda _: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE)),
     "Harmonics": lambda _: star().harmonics(2),
+    "JointRegistration": lambda _: joint(),
+    "JudgedPair": lambda _: joint().pairs[0],
     "KernelGrid": lambda _: grid(),
     "KernelMoments": lambda _: voxkernel.kernel_moments(voxkernel.exact_kernel(CUBE)),
     "KernelPoints": lambda _: voxkernel.kernel_points(voxkernel.exact_kernel(CUBE)),
