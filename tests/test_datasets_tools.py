@@ -16,8 +16,8 @@ from voxkernel import as_mesh, best_center, exact_kernel
 
 TOOLS = Path(__file__).resolve().parent.parent / "datasets_tools"
 SCRIPTS = (
-    "check_manifest", "classify", "compare_methods", "evaluate_registration", "evaluate_together", "make_shapes", "prepare_bu3dfe",
-    "prepare_thingi10k",
+    "check_manifest", "classify", "compare_methods", "evaluate_registration", "evaluate_together", "make_shapes",
+    "prepare_bu3dfe", "prepare_thingi10k",
 )  # fmt: skip
 PARTS = (
     "classification", "faulty_shapes", "known_shapes", "registration_methods", "registration_pairs", "scan_sets",
