@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="before, after and how far the surfaces are off: .html or .png; registration.png where no name is given",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    register_together.add_arguments(parser)
     parser.add_argument(
         "--margins", type=_share, nargs="+", metavar="M",
         help="margins of the relaxed kernels, shares of the area; 0.06 0.1 0.15 by default",
@@ -58,7 +59,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--overlap-steps", type=int, default=0, metavar="N",
         help="crop both to their overlap and register again, N times; for partial scans",
     )  # fmt: skip
-    register_together.add_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
