@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 # One half to tune on, the other to report on: no object is in both, but for the one of the range scans.
-FACES = {"tune": ("ict01_neutral", "ict03_smile", "ict05_mouthopen"), "report": ("ict02_smile", "ict06_neutral", "ict08_mouthopen")}
+FACES = {
+    "tune": ("ict01_neutral", "ict03_smile", "ict05_mouthopen"),
+    "report": ("ict02_smile", "ict06_neutral", "ict08_mouthopen"),
+}
 CLOSED = {
     "tune": ("common3d_cow", "gc_fox", "common3d_homer"),
     "report": ("common3d_spot", "pmp_bunny_adaptive", "gpytoolbox_teddy"),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel._extras import check_installed
+from voxkernel.cli import register_together
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -29,17 +30,22 @@ EXAMPLES = (
     "voxkernel register scan.ply reference.ply -o T.json",
     "voxkernel register scan.ply reference.ply --apply moved.ply --picture before_after.html",
     "voxkernel register left.ply right.ply --overlap-steps 2 --json",
+    "voxkernel register scan*.ply --together -o poses.json --merged all.ply --picture together.png",
 )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("source", metavar="SOURCE", help="the surface to move: .ply .obj .off .stl ...")
-    parser.add_argument("target", metavar="TARGET", help="the surface that stays")
+    parser.add_argument("target", metavar="TARGET", nargs="+", help="the surface that stays; the others of --together")
     parser.add_argument("-o", "--output", metavar="FILE", help="T.json: the motion, its fit and what was tried")
     parser.add_argument("--apply", metavar="FILE", help="write the moved source: .ply .obj .off .stl")
-    parser.add_argument("--picture", metavar="FILE", help="surfaces and kernels before and after: .html or .png")
+    parser.add_argument(
+        "--picture", metavar="FILE", nargs="?", const="registration.png",
+        help="before, after and how far the surfaces are off: .html or .png; registration.png where no name is given",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    register_together.add_arguments(parser)
     parser.add_argument(
         "--margins", type=_share, nargs="+", metavar="M",
         help="margins of the relaxed kernels, shares of the area; 0.06 0.1 0.15 by default",
@@ -62,6 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Register, print, write."""
     check_installed("open3d")
+    register_together.check(args)
+    if args.together:
+        return register_together.run(args)
+    (args.target,) = args.target
     output = None if args.output is None else check_output(args.output, (".json",))
     moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl"))
     picture = None if args.picture is None else check_picture(args.picture)

@@ -66,7 +66,8 @@ def _add_histogram(go: Any, figure: Any, fit: Fit, row: int) -> None:
     grey = fit.end + 4 * width
     figure.add_trace(
         go.Bar(
-            x=[*middles, grey], y=[*(100 * fit.shares), 100 * fit.unexplained], marker={"color": [*colors, UNEXPLAINED]},
+            x=[*middles, grey], y=[*(100 * fit.shares), 100 * fit.unexplained],
+            marker={"color": [*colors, UNEXPLAINED]},
             width=[width] * len(middles) + [3 * width], showlegend=False, hovertemplate="%{y:.2f} %<extra></extra>",
         ), row=row, col=1,
     )  # fmt: skip

@@ -17,7 +17,7 @@ from voxkernel.pictures.png import _write as write_line
 __all__ = ["write_fit_png"]
 
 _HEAD, _TOP, _FOOT = 110, 36, 210
-_MUCH_LARGER = 2.5
+_MUCH_LARGER = 1.4  # than the panel of the surfaces laid together: drawn in a scale of its own, which is told
 
 
 def write_fit_png(
@@ -33,7 +33,7 @@ def write_fit_png(
     write_line(pen, (36, 16), title, 36, INK, size[0] - 72)
     write_line(pen, (36, 66), words, 20, PALE, size[0] - 72)
     scales = [_half_height(panel, part[0] / (part[1] - _TOP)) for panel in panels]
-    common = min(max(s for s in scales), _MUCH_LARGER * min(scales))
+    common = min(max(scales), _MUCH_LARGER * scales[1])
     for i, (panel, own) in enumerate(zip(panels, scales, strict=True)):
         left, upper = (i % 2) * part[0], _HEAD + (i // 2) * part[1]
         shown = max(own, common)

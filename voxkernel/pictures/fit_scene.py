@@ -14,7 +14,8 @@ from voxkernel._open3d import open3d, open3d_mesh, ray_scene
 from voxkernel.mesh.triangles import doubled_normals
 
 __all__ = [
-    "UNEXPLAINED", "Fit", "Layer", "Panel", "bar_colors", "colored", "fit_of", "moved", "plain_layer", "thinned", "view_of",
+    "UNEXPLAINED", "Fit", "Layer", "Panel", "bar_colors", "colored", "fit_of", "moved", "plain_layer", "thinned",
+    "view_of",
 ]  # fmt: skip
 
 UNEXPLAINED = "#b9bec4"
@@ -22,7 +23,7 @@ UNEXPLAINED = "#b9bec4"
 _BAR = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 _FACETS = 80_000  # drawn at most, of all surfaces together
 _BINS = 40
-_END = 0.98  # share of the explained area that the bar ends at
+_END = 0.9  # share of the explained area that the bar ends at
 _FACING = 0.5  # cosine between normals, as scores ask for
 
 
@@ -103,7 +104,8 @@ def fit_of(surfaces: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]], re
     total = float(weights.sum()) or 1.0
     edges = np.linspace(0.0, _bar_end(distances[good], weights[good], reach), _BINS + 1)
     last = 0.5 * (edges[-2] + edges[-1])
-    shares = np.histogram(np.where(distances[good] >= edges[-1], last, distances[good]), edges, weights=weights[good])[0]
+    shown = np.where(distances[good] >= edges[-1], last, distances[good])
+    shares = np.histogram(shown, edges, weights=weights[good])[0]
     return Fit(tuple(found), edges, shares / total, float(weights[~good].sum()) / total, reach)
 
 
@@ -157,7 +159,9 @@ def bar_colors(shares: NDArray[np.float64]) -> NDArray[np.uint8]:
     return colors.round().astype(np.uint8)
 
 
-def colored(vertices: NDArray[np.float64], faces: NDArray[np.int64], distances: NDArray[np.float64], end: float, name: str) -> Layer:
+def colored(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], distances: NDArray[np.float64], end: float, name: str
+) -> Layer:
     """A surface in the colours of its distances."""
     return Layer(vertices, faces, bar_colors(distances / end), name)
 

@@ -93,7 +93,8 @@ def registration_picture(
         f"RMS {found.inlier_rmse:.3g}" + (f"; {found.reason}" if found.reason else "")
     )
     legend = [
-        ("source", _SOURCE), ("target", _TARGET), (f"unexplained: nothing within {fit.reach:.3g} faces it", UNEXPLAINED)
+        ("source", _SOURCE), ("target", _TARGET),
+        (f"unexplained: nothing within {fit.reach:.3g} that faces the same way", UNEXPLAINED),
     ]  # fmt: skip
     if kind == ".html":
         write_fit_html(place, title, words, panels, fit, legend)

@@ -96,7 +96,7 @@ def together_picture(
     if len(kept) > _MOST_NAMES:
         legend.append((f"and {len(kept) - _MOST_NAMES} more", "#ffffff"))
     legend += [(f"{called[i]}: belongs to nothing", UNEXPLAINED) for i in found.apart[:4]]
-    legend.append((f"grey below: nothing within {fit.reach:.3g} faces it", UNEXPLAINED))
+    legend.append((f"unexplained within {fit.reach:.3g}", UNEXPLAINED))
     if kind == ".html":
         write_fit_html(place, title, words, panels, fit, legend)
     else:

@@ -87,19 +87,20 @@ def evidence_of(close: Closeness, matches: float) -> float:
 
 
 def tried(
-    one: PreparedSurface, two: PreparedSurface, like: Likeness, size: float, margins: tuple[float, ...] | None
-) -> Trial:
-    """Refine the motions that matched descriptors ask for; where none is sure and `margins` are given, register."""
+    one: PreparedSurface, two: PreparedSurface, like: Likeness, size: float, margins: tuple[float, ...] | None,
+    known: Trial | None,
+) -> Trial:  # fmt: skip
+    """Refine the motions that matched descriptors ask for, unless known; where `margins` are given, register."""
     surfaces = Side(one.skin, size, _SAMPLES), Side(two.skin, size, _SAMPLES)
-    best = Trial(np.full((4, 4), np.nan), -_CERTAIN, "", Closeness(0.0, 0.0, 0.0))
-    for motion in like.motions:
-        start = np.stack([np.eye(4), scaled(inverse(motion), size)])
-        local = inverse(refined_together([one, two], start, size).poses[1])
+    best = known or Trial(np.full((4, 4), np.nan), -_CERTAIN, "", Closeness(0.0, 0.0, 0.0))
+    if known is None and like.motions:
+        starts = [np.stack([np.eye(4), scaled(inverse(motion), size)]) for motion in like.motions]
+        quick = [refined_together([one, two], start, size, quick=True).poses for start in starts]
+        odds = [evidence_of(closeness(*surfaces, scaled(inverse(p[1]), 1.0 / size)), like.matches) for p in quick]
+        local = inverse(refined_together([one, two], quick[int(np.argmax(odds))], size).poses[1])
         close = closeness(*surfaces, scaled(local, 1.0 / size))
-        found = evidence_of(close, like.matches)
-        if not best.led_by or found > best.evidence:
-            best = Trial(to_world(one, two, local), found, "matches", close)
-    if best.evidence >= SURE or margins is None:
+        best = Trial(to_world(one, two, local), evidence_of(close, like.matches), "matches", close)
+    if margins is None:
         return best
     answer = register(one, two, margins=margins)
     if answer.verdict == "no match":

@@ -64,8 +64,8 @@ def pose_tree(scans: Scans, edges: list[Edge]) -> PoseTree:
     """Join scans by the edges that most others agree with; parts whose joint is not believed stay apart.
 
     1. An edge weighs its log-odds, and more for every loop of three through it that closes.
-    2. The heaviest edges make a tree (Kruskal). An edge that contradicts it takes the place of the lightest edge of
-       its loop as long as the edges that agree with the poses then weigh more.
+    2. The heaviest edges make a tree (Kruskal). An edge that contradicts it takes the place of an edge of its loop
+       as long as the edges that agree with the poses then weigh more.
     3. Each edge of the tree divides its group in two. Where the edges across that agree weigh too little against those
        that contradict, the two are parted.
     """
@@ -163,13 +163,13 @@ def _swapped(
     for _ in range(_MOST_SWAPS):
         better: set[int] | None = None
         for e in (e for e in order if not agree[e] and weights[e] > 0.0):
-            loop = [t for t in tree if _divides(edges, tree, t, e)]
-            if not loop:
-                continue
-            trial = (tree - {min(loop, key=lambda t: weights[t])}) | {e}
-            total, shown = agreement(trial)
-            if total > best * (1.0 + 1e-12):
-                best, agree, better = total, shown, trial
+            loop = sorted((t for t in tree if _divides(edges, tree, t, e)), key=lambda t: weights[t])
+            for trial in ((tree - {t}) | {e} for t in loop):
+                total, shown = agreement(trial)
+                if total > best * (1.0 + 1e-12):
+                    best, agree, better = total, shown, trial
+                    break
+            if better is not None:
                 break
         if better is None:
             break

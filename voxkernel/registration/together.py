@@ -13,7 +13,7 @@ from voxkernel._checks import as_depth, read_only
 from voxkernel.registration.jobs import Run, runner
 from voxkernel.registration.joint_refinement import Refinement, refined_together
 from voxkernel.registration.joint_result import JointRegistration, JudgedPair, Use
-from voxkernel.registration.pair_evidence import Trial, tried
+from voxkernel.registration.pair_evidence import SURE, Trial, tried
 from voxkernel.registration.pose_tree import Edge, PoseTree, Scans, pose_tree
 from voxkernel.registration.prepare import PreparedSurface
 from voxkernel.registration.register import as_margins
@@ -46,7 +46,7 @@ def register_together(
         Register only the pairs that look alike, or all.
     neighbors : int
         How many others each scan is registered to, of those most like it, 1 to 1000; pairs that hold the whole
-        together are added, and once more as many for each scan outside the largest group.
+        together are added, and more for each scan outside the largest group.
     workers : int
         Processes, 1 to 256; 1 works in this one. The answers do not depend on it.
     client : distributed.Client, optional
@@ -70,12 +70,12 @@ def register_together(
     Notes
     -----
     Pairs are ordered by how many matches of local descriptors agree, and by how like their kernels are. A pair is
-    first laid together by those matches; where that is not sure, by `register`. The log-odds that a motion is right come
-    from how much of what lies near also lies tightly. The heaviest edges make a tree, loops are closed, edges that
-    contradict are exchanged or dropped, and parts whose joint is not believed stay apart. All scans of the largest
-    group that overlap then pull at each other at once (point-to-plane, Tukey's weights); a step that would make the
-    residual larger is not taken, so that the end is never worse than the tree. The order of the scans decides nothing
-    but the frame.
+    first laid together by those matches; scans that this leaves outside the largest group, by `register`. The log-odds
+    that a motion is right come from how much of what lies near also lies tightly. The heaviest edges make a tree, loops
+    are closed, edges that contradict are exchanged or dropped, and parts whose joint is not believed stay apart. All
+    scans of the largest group that overlap then pull at each other at once (point-to-plane, Tukey's weights); a step
+    that would make the residual larger is not taken, so that the end is never worse than the tree. The order of the
+    scans decides nothing but the frame.
 
     A surface that cannot be used has no pose, and its reason says why.
 
@@ -113,12 +113,16 @@ def register_together(
         for (i, j), like in likes.items():
             table[i, j] = table[j, i] = like.value
         chosen = list(combinations(range(len(scans)), 2)) if pairs == "all" else shortlist(table, near)
-        trials = _tried(run, counter, scans, likes, size, chosen, kernels)
+        trials = _tried(run, counter, scans, likes, size, chosen, {}, None)
         tree = pose_tree(Scans(middles, size), _edges(trials))
-        more = _further(table, tree, set(trials), near)
-        if more:
-            trials |= _tried(run, counter, scans, likes, size, more, None)
-            tree = pose_tree(Scans(middles, size), _edges(trials))
+        # A second look at the scans outside the largest group: pairs left out, and kernels where matches do not do.
+        left = [p for p in ranked_pairs(table) if p not in trials]
+        trials |= _tried(run, counter, scans, likes, size, _outside(left, tree, near), {}, None)
+        tree = pose_tree(Scans(middles, size), _edges(trials))
+        unsure = [p for p in ranked_pairs(table) if p in trials and trials[p].evidence < SURE]
+        again = _outside(unsure, tree, near if pairs == "shortlist" else len(scans))
+        trials |= _tried(run, counter, scans, likes, size, again, trials, kernels)
+        tree = pose_tree(Scans(middles, size), _edges(trials))
     return _result(ready, usable, scans, size, likes, trials, tree)
 
 
@@ -147,9 +151,9 @@ def _likenesses(run: Run, counter: _Counter, scans: list[PreparedSurface], size:
 
 def _tried(
     run: Run, counter: _Counter, scans: list[PreparedSurface], likes: dict[_Pair, Likeness], size: float,
-    wanted: list[_Pair], margins: tuple[float, ...] | None,
+    wanted: list[_Pair], known: dict[_Pair, Trial], margins: tuple[float, ...] | None,
 ) -> dict[_Pair, Trial]:  # fmt: skip
-    jobs = [(tried, (scans[i], scans[j], likes[i, j], size, margins)) for i, j in wanted]
+    jobs = [(tried, (scans[i], scans[j], likes[i, j], size, margins, known.get((i, j)))) for i, j in wanted]
     return dict(zip(wanted, counter.run(run, jobs), strict=True))
 
 
@@ -157,14 +161,14 @@ def _edges(trials: dict[_Pair, Trial]) -> list[Edge]:
     return [Edge(i, j, t.motion, t.evidence) for (i, j), t in sorted(trials.items()) if t.verdict != "no match"]
 
 
-def _further(table: NDArray[np.float64], tree: PoseTree, known: set[_Pair], neighbors: int) -> list[_Pair]:
-    """Choose pairs for a second round: from the scans outside the largest group to other groups, the most alike first."""
+def _outside(pairs: list[_Pair], tree: PoseTree, most: int) -> list[_Pair]:
+    """Choose the first pairs, at most so many for a scan, that join one outside the largest group to another group."""
     main = max(_groups(tree.roots), key=len)
-    counts = dict.fromkeys(set(range(len(table))) - set(main), 0)
+    counts = dict.fromkeys(set(range(len(tree.roots))) - set(main), 0)
     found: list[_Pair] = []
-    for pair in ranked_pairs(table):
-        outside = [s for s in pair if counts.get(s, neighbors) < neighbors]
-        if pair not in known and tree.roots[pair[0]] != tree.roots[pair[1]] and outside:
+    for pair in pairs:
+        outside = [s for s in pair if counts.get(s, most) < most]
+        if tree.roots[pair[0]] != tree.roots[pair[1]] and outside:
             found.append(pair)
             for scan in outside:
                 counts[scan] += 1
