@@ -4,9 +4,9 @@ from fractions import Fraction
 from itertools import combinations, pairwise
 
 import pytest
-from rational_cutting import clip_polyhedron
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from rational_cutting import clip_polyhedron
 
 from voxkernel.exact.rational_clipping import clip_interval, clip_polygon
 from voxkernel.halfspaces.rational_program import (

@@ -382,16 +382,6 @@ def _wrapped(
     )  # fmt: skip
 
 
-def _believed(found: Solution) -> tuple[Verdict, float]:
-    """Say whether to believe an answer, from its score alone."""
-    if not found.converged:
-        return "no match", 0.0
-    probability = float(1.0 / (1.0 + np.exp(-20.0 * (found.score - 0.6))))
-    if found.ambiguous:
-        return "uncertain", min(probability, 0.5)
-    return ("right" if probability > 0.9 else "uncertain" if probability > 0.1 else "no match"), probability
-
-
 def as_margins(margins: Any) -> tuple[float, ...]:
     """Check the margins; they are used in ascending order."""
     return DEFAULT_MARGINS if margins is None else tuple(sorted(set(as_each("margins", margins, as_nonnegative))))
