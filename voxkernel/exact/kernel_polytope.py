@@ -69,7 +69,8 @@ class KernelPolytope(Frozen):
     unclipped_certificate : Certificate
         Proof of `unclipped_dimension`.
     max_residual : float
-        Largest distance by which a rounded vertex lies outside a half-space, mesh units.
+        No rounded vertex lies farther than this from the exact one, nor, so, outside a half-space; mesh units, for
+        coordinates relative to the centre of the surface.
     volume_bounds : (float, float)
         Interval around `volume` that covers the rounding of the vertices.
     """
