@@ -112,6 +112,7 @@ CELLS = PolyhedralMesh.from_cells(
 SPHERE = voxkernel.spherical_map(CUBE)
 SAMPLES, HARMONICS = SPHERE.sample(n=8), SPHERE.harmonics(2)
 CALLS = {
+    "HalfSpaces.from_mesh": lambda **o: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE), **o),
     "EvaluateSettings": voxkernel.EvaluateSettings,
     "Harmonics.on_grid": HARMONICS.on_grid,
     "HalfSpaces.from_planes": lambda **o: HalfSpaces.from_planes([[1, 0, 0]], [1], **o),
@@ -132,6 +133,7 @@ CALLS = {
     "cell_kernels": lambda **o: voxkernel.cell_kernels(CELLS, **o),
     "defect_profile": lambda **o: voxkernel.defect_profile(CUBE, **o),
     "exact_kernel": lambda **o: voxkernel.exact_kernel(CUBE, **o),
+    "exact_kernels": lambda **o: voxkernel.exact_kernels([CUBE], **o),
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),

@@ -24,7 +24,14 @@ if TYPE_CHECKING:
         visible_fraction,
     )
     from voxkernel.mesh import MeshFacts, RepairChange, RepairResult, TriangleMesh, as_mesh, repair
-    from voxkernel.polyhedral import CellKernels, PolyhedralMesh, cell_kernels, read_polyhedral
+    from voxkernel.polyhedral import (
+        CellKernels,
+        PackedSurfaces,
+        PolyhedralMesh,
+        cell_kernels,
+        exact_kernels,
+        read_polyhedral,
+    )
     from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
@@ -61,6 +68,7 @@ __all__ = [
     "MeshFacts",
     "MeshReadError",
     "MissingExtraError",
+    "PackedSurfaces",
     "PairRegistration",
     "PolyhedralMesh",
     "RadialGrid",
@@ -84,6 +92,7 @@ __all__ = [
     "defect_profile",
     "evaluate",
     "exact_kernel",
+    "exact_kernels",
     "kernel_moments",
     "kernel_points",
     "read_polyhedral",
@@ -124,6 +133,7 @@ _HOMES = {
     "MeshFacts": "mesh",
     "MeshReadError": "errors",
     "MissingExtraError": "errors",
+    "PackedSurfaces": "polyhedral",
     "PairRegistration": "registration",
     "PolyhedralMesh": "polyhedral",
     "RadialGrid": "spherical",
@@ -147,6 +157,7 @@ _HOMES = {
     "defect_profile": "measures",
     "evaluate": "evaluation",
     "exact_kernel": "exact",
+    "exact_kernels": "polyhedral",
     "kernel_moments": "measures",
     "kernel_points": "measures",
     "read_polyhedral": "polyhedral",
