@@ -113,6 +113,7 @@ IMAGE = voxkernel.LabelImage.from_array(np.ones((2, 2), np.uint8), spacing=(1, 1
 SPHERE = voxkernel.spherical_map(CUBE)
 SAMPLES, HARMONICS = SPHERE.sample(n=8), SPHERE.harmonics(2)
 CALLS = {
+    "HalfSpaces.from_mesh": lambda **o: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE), **o),
     "EvaluateSettings": voxkernel.EvaluateSettings,
     "Harmonics.on_grid": HARMONICS.on_grid,
     "HalfSpaces.from_planes": lambda **o: HalfSpaces.from_planes([[1, 0, 0]], [1], **o),
@@ -133,6 +134,7 @@ CALLS = {
     "cell_kernels": lambda **o: voxkernel.cell_kernels(CELLS, **o),
     "defect_profile": lambda **o: voxkernel.defect_profile(CUBE, **o),
     "exact_kernel": lambda **o: voxkernel.exact_kernel(CUBE, **o),
+    "exact_kernels": lambda **o: voxkernel.exact_kernels([CUBE], **o),
     "guards": lambda **o: voxkernel.guards(CUBE, **o),
     "find_objects": lambda **o: voxkernel.find_objects(IMAGE, **o),
     "label_stars": lambda **o: voxkernel.label_stars(IMAGE, **o),

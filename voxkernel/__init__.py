@@ -57,6 +57,15 @@ if TYPE_CHECKING:
         register_many,
         register_together,
     )
+    from voxkernel.polyhedral import (
+        CellKernels,
+        PackedSurfaces,
+        PolyhedralMesh,
+        cell_kernels,
+        exact_kernels,
+        read_polyhedral,
+    )
+    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
     from voxkernel.spherical import (
@@ -101,6 +110,7 @@ __all__ = [
     "MeshFacts",
     "MeshReadError",
     "MissingExtraError",
+    "PackedSurfaces",
     "PairRegistration",
     "PolyhedralMesh",
     "RadialGrid",
@@ -127,6 +137,7 @@ __all__ = [
     "defect_profile",
     "evaluate",
     "exact_kernel",
+    "exact_kernels",
     "find_objects",
     "guards",
     "kernel_moments",
@@ -185,6 +196,7 @@ _HOMES = {
     "MeshFacts": "mesh",
     "MeshReadError": "errors",
     "MissingExtraError": "errors",
+    "PackedSurfaces": "polyhedral",
     "PairRegistration": "registration",
     "PolyhedralMesh": "polyhedral",
     "RadialGrid": "spherical",
@@ -211,6 +223,7 @@ _HOMES = {
     "defect_profile": "measures",
     "evaluate": "evaluation",
     "exact_kernel": "exact",
+    "exact_kernels": "polyhedral",
     "find_objects": "labels",
     "guards": "guarding",
     "kernel_moments": "measures",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxkernel._checks import read_only
+from voxkernel._checks import as_depth, read_only
 from voxkernel.exact.certificate import certify, certify_unclipped
 from voxkernel.exact.domain_cut import is_bounded, is_cut, without_domain
 from voxkernel.exact.kernel_polytope import KernelPolytope
@@ -20,7 +20,9 @@ __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 _LEAST = 2.0**-1070
 
 
-def exact_kernel(surface: SurfaceLike, *, facets: Any = None, domain: Any = None) -> KernelPolytope:
+def exact_kernel(
+    surface: SurfaceLike, *, facets: Any = None, domain: Any = None, threads: int = 1
+) -> KernelPolytope:
     """Compute the kernel of a surface: the points from which the whole surface can be seen.
 
     The kernel is the intersection of the inner half-spaces of the facets [1]_. Whether it is empty, flat
@@ -35,6 +37,8 @@ def exact_kernel(surface: SurfaceLike, *, facets: Any = None, domain: Any = None
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
         Convex polytope in which the kernel is looked for. By default none for surfaces that bound a
         volume and "ball" for open ones, whose kernel can be unbounded.
+    threads : int
+        Threads, at least 1; the result does not depend on it.
 
     Returns
     -------
@@ -68,7 +72,7 @@ def exact_kernel(surface: SurfaceLike, *, facets: Any = None, domain: Any = None
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    found = surface_argument(surface, facets)
+    found = surface_argument(surface, facets, threads=as_depth("threads", threads, 1, 256))
     return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT))
 
 

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_points, read_only
-from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
+from voxkernel._checks import as_depth, as_points, read_only
+from voxkernel._core import StopFlag, boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
 from voxkernel._frozen import Frozen
+from voxkernel._threads import run_parts, stretches
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.integer_planes import (
     IntegerPlane,
@@ -89,13 +90,15 @@ class HalfSpaces(Frozen):
     is_cone: bool = False  # the surface planes moved to the origin: directions, not points
 
     @classmethod
-    def from_mesh(cls, mesh: TriangleMesh) -> HalfSpaces:
+    def from_mesh(cls, mesh: TriangleMesh, *, threads: int = 1) -> HalfSpaces:
         """Build the half-spaces of a mesh; facets without area are dropped and counted.
 
         Parameters
         ----------
         mesh : TriangleMesh
             The surface; its facet planes are taken from the float64 corners as given.
+        threads : int
+            Threads, at least 1; the result does not depend on it.
 
         Returns
         -------
@@ -106,11 +109,13 @@ class HalfSpaces(Frozen):
         ------
         MeshError
             If no facet has an area, or the axes span too much or too little for doubles.
+        TypeError, ValueError
+            If `threads` is not an integer from 1 to 256.
         """
-        return cls._from_spans(mesh, _THINNEST)
+        return cls._from_spans(mesh, _THINNEST, as_depth("threads", threads, 1, 256))
 
     @classmethod
-    def _from_spans(cls, mesh: TriangleMesh, thinnest: float) -> HalfSpaces:
+    def _from_spans(cls, mesh: TriangleMesh, thinnest: float, threads: int = 1) -> HalfSpaces:
         """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
@@ -121,7 +126,12 @@ class HalfSpaces(Frozen):
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
         areas, errors = np.empty(n), np.empty(n)
-        undecided = facet_planes(vertices, corners, origin, 1.0 / scale, normals, offsets, areas, errors)
+
+        def fill(rows: slice, _: StopFlag) -> int:
+            arrays = normals[rows], offsets[rows], areas[rows], errors[rows]
+            return facet_planes(vertices, corners[rows], origin, 1.0 / scale, *arrays)
+
+        undecided = sum(run_parts(fill, stretches(n, threads), threads))
         bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
         if undecided:
             frame = (origin, scale, bits)

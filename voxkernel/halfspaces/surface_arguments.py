@@ -64,7 +64,7 @@ REGISTRATION = DefaultDomain(
     why="Crops of one object have other hulls, and the border of a crop would end the kernel.",
 )  # fmt: skip
 NO_DOMAIN = DefaultDomain(
-    ("violation", "visible_fraction", "cell_kernels"),
+    ("violation", "visible_fraction", "cell_kernels", "exact_kernels"),
     closed="", opened="", half_spaces="",
     why="The points are given; the kernel of a cell lies inside it, and an open cell has none.",
 )  # fmt: skip
@@ -114,14 +114,14 @@ class SurfaceArgument(Frozen):
         return self.axes("world" if self.mesh is None else "principal")
 
 
-def surface_argument(surface: SurfaceLike, facets: Any = None) -> SurfaceArgument:
+def surface_argument(surface: SurfaceLike, facets: Any = None, *, threads: int = 1) -> SurfaceArgument:
     """Take half-spaces as they are, without a mesh; make them from anything `as_mesh` takes.
 
     `facets` are facets of a mesh, rows of half-spaces: ids in any order, or a mask; the order stays that of the input.
     """
     if not isinstance(surface, HalfSpaces):
         mesh = as_mesh(surface, facets=facets)
-        return SurfaceArgument(HalfSpaces.from_mesh(mesh), mesh)
+        return SurfaceArgument(HalfSpaces.from_mesh(mesh, threads=threads), mesh)
     if facets is None:
         return SurfaceArgument(surface, None)
     ids = as_facet_ids("facets", facets, upper=len(surface))
