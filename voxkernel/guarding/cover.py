@@ -16,7 +16,7 @@ from voxkernel.guarding.sight import Sight
 __all__ = ["Cover", "union_of"]
 
 _N_SAMPLES = 4096
-_N_START = 700
+_N_START = 500
 _N_AIMED = 48  # unseen samples that new candidates are looked for in sight of
 _N_NEAR = 24  # moves tried for a guard at a time
 _REACH = 0.05  # their size, in diagonals
