@@ -17,6 +17,7 @@ __all__ = ["Cover", "union_of"]
 
 _N_SAMPLES = 4096
 _N_START = 700
+_N_START_LARGE, _LARGE = 450, 50_000  # where rays take longer
 _N_AIMED = 48  # unseen samples that new candidates are looked for in sight of
 _N_NEAR = 24  # moves tried for a guard at a time
 _REACH = 0.05  # their size, in diagonals
@@ -69,7 +70,8 @@ class Cover:
         self.points: list[NDArray[np.float64]] = []
         self.seen: list[Words] = []
         if given is None and not (len(first) and _count(self.sets[0]) == len(self.spots)):
-            self._propose(start_points(sight, faces, _N_START, distance, rng))
+            count = _N_START if len(sight.faces) <= _LARGE else _N_START_LARGE
+            self._propose(start_points(sight, faces, count, distance, rng))
 
     def _seen_by(self, points: NDArray[np.float64]) -> Words:
         """In chunks, so that a time limit is kept: what was not looked at sees nothing."""

@@ -92,7 +92,8 @@ def guards(
     surface goes around at least once. A shell inside that faces inwards is a cavity, and its facets are seen by the
     guards of the body around it; one that faces outwards is a body of its own, with guards of its own.
 
-    Guards of an open surface lie in the ball that is its default domain.
+    Guards of an open surface lie in the ball that is its default domain; it is one body, and so is what is seen from
+    outside.
 
     Samples of the area, candidates (the point of `best_center`, middles of chords, a lattice, points in sight of what
     is unseen), a greedy cover, exchange and moves; accepted only when fresh samples confirm it. The point of

@@ -87,7 +87,8 @@ class Guards(Frozen):
     first_seen : (m,) int64
         The first guard that sees the middle of each triangle of `mesh.faces`; -1 where none does.
     bodies : (k,) int64
-        Which body of the surface each guard is for; a cavity belongs to the body around it.
+        Which body of the surface each guard is for; a cavity belongs to the body around it. All 0 for open surfaces
+        and outside.
     coverage : float
         What was asked for, of the area of each body.
     is_reached : bool

@@ -185,7 +185,9 @@ def look_at(mesh: TriangleMesh, halfspaces: HalfSpaces, side: Side, threads: int
             f"`surface` must have its facets counter-clockwise seen from outside; got an enclosed volume of "
             f"{np.ldexp(signed.sum() / 6.0, 3 * exponent):.3g} (repair(mesh, orient=True) turns facets)"
         )
-    bodies = _bodies(corners, parts.astype(np.int64), signed) if is_closed else parts.astype(np.int64)
+    bodies = np.zeros(len(faces), np.int64)
+    if is_closed and side == "inside":  # elsewhere one guard may see several of them
+        bodies = _bodies(corners, parts.astype(np.int64), signed)
     planes = None
     if not is_closed:
         ball = ball_domain(mesh)
