@@ -30,6 +30,7 @@ RIGHT = (
 WRONG = (("other",), ("scale 1.1", "scale 0.9", "scale 1.05"), ("mirrored", "scale 2"), ("disjoint", "other cropped"))
 
 # Faces and animals are nearly their own mirror images, which then have a right answer.
+EXPRESSIONS = "face, another expression or person"
 CHIRAL = ("formula", "formula, open", "asteroid")
 
 
@@ -105,12 +106,13 @@ def expression_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
         person, expression = path.stem.split("_")
         half, face = half_of(path.stem), thinned(path, 5000)
         other = thinned(path.with_name(f"{person}_{OTHER[expression]}.ply"), 4000)
-        yield str(half), "face", "expression", True, posed(f"{path.stem} expression", number, face, other, np.eye(4))
+        changed_face = posed(f"{path.stem} expression", number, face, other, np.eye(4))
+        yield str(half), EXPRESSIONS, "expression", True, changed_face
         others = [p for p in sorted((data / "faces").glob(f"ict*_{expression}.ply")) if half_of(p.stem) == half]
         stranger = others[(others.index(path) + 1) % len(others)]
         if stranger != path:
             pair = posed(f"{path.stem} other person", number, face, thinned(stranger, 4000), np.eye(4))
-            yield str(half), "face", "other person", False, pair
+            yield str(half), EXPRESSIONS, "other person", False, pair
 
 
 def range_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
@@ -198,6 +200,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", metavar="DATA", help="folder with faces/, closed/, open/, asteroids/, range_scans/")
     parser.add_argument("--rounds", type=tool.positive, default=1, metavar="N", help="times through all shapes")
     parser.add_argument("--every", type=tool.positive, default=1, metavar="K", help="only every K-th pair")
+    parser.add_argument("--kinds", nargs="+", metavar="KIND", help="kinds of shapes; all by default")
     parser.add_argument("--first", type=int, default=0, metavar="J", help="where to begin with those")
     parser.add_argument("--outcomes", metavar="FILE", help="every outcome, a line each; those there are not made again")
     parser.add_argument("-o", "--output", metavar="TABLE.md")
@@ -215,7 +218,8 @@ def _run(args: argparse.Namespace) -> int:
         outcomes = [json.loads(line) for line in place.read_text(encoding="utf-8").splitlines()]
     done = {(o["kind"], o["pair"]) for o in outcomes}
     data = None if args.data is None else Path(args.data)
-    for count, (half, kind, row, possible, pair) in enumerate(pairs(data, args.rounds)):
+    wanted = (p for p in pairs(data, args.rounds) if args.kinds is None or p[1] in args.kinds)
+    for count, (half, kind, row, possible, pair) in enumerate(wanted):
         if count % args.every != args.first or (kind, pair.row) in done:
             continue
         began = time.process_time()

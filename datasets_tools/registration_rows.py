@@ -65,6 +65,8 @@ def refused_rows(data: Path, count: int) -> Iterator[Pair]:
         face, scan = arrays(data / entry["reference"]), arrays(data / "scans" / name)
         body = arrays(data / "closed" / f"{CLOSED[number % len(CLOSED)]}.ply")
         other = arrays(data / "closed" / f"{CLOSED[(number + 3) % len(CLOSED)]}.ply")
+        rocks = sorted((data / "asteroids").glob("*.ply"))
+        rock = decimated(arrays(rocks[number % len(rocks)]), 6000 - 300 * (number // len(rocks)))
         same_size = other[0] * (extent(body) / extent(other)), other[1]
         stranger = arrays(data / "scans" / names[(number + 1) % len(names)])
         one, two = both_cropped(body, body, 0.5, number)
@@ -74,7 +76,7 @@ def refused_rows(data: Path, count: int) -> Iterator[Pair]:
             ("refuse: another person's scan", face, stranger),
             ("refuse: scale 1.1", face, (scan[0] * 1.1, scan[1])),
             ("refuse: scale 2", face, (scan[0] * 2.0, scan[1])),
-            ("refuse: mirror image", body, mirrored(body)),
+            ("refuse: mirror image", rock, mirrored(rock)),
             ("refuse: two halves", one, two),
         ):
             yield replace(posed(row, number, source, target, np.eye(4)), T_target_source=None)

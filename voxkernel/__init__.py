@@ -46,7 +46,6 @@ if TYPE_CHECKING:
         visible_fraction,
     )
     from voxkernel.mesh import MeshFacts, RepairChange, RepairResult, TriangleMesh, as_mesh, repair
-    from voxkernel.polyhedral import CellKernels, PolyhedralMesh, cell_kernels, read_polyhedral
     from voxkernel.registration import (
         Candidate,
         JointRegistration,
@@ -65,7 +64,6 @@ if TYPE_CHECKING:
         exact_kernels,
         read_polyhedral,
     )
-    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
     from voxkernel.spherical import (

@@ -96,7 +96,7 @@ def test_the_mirror_image_is_not_right():
     assert register(whole, away(mirrored, 5)[1]).verdict != "right"
 
 
-GOOD = Evidence(0.9, 0.6, 0.98, 0.002, 0.004, 0.04, 0.05, 0.4, 0.02)
+GOOD = Evidence(0.9, 0.6, 0.98, 0.001, 0.002, 0.04, 0.05, 0.4, 0.02, 0.001)
 
 
 def test_the_model_keeps_the_sense_of_its_evidence():

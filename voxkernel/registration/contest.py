@@ -30,8 +30,8 @@ _LEAST = 1 / 300
 _STEPS = 10
 _LAST_STEPS = 30
 _SIZE_STEPS = 6
-_SPACINGS = (1 / 50, 1 / 70)  # of the larger diagonal, between points with features
-_RADIUS = 5.0  # spacings around a point that its feature describes
+# Spacing of points with features, a share of the larger diagonal, and how many spacings around it a feature describes.
+_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0), (1 / 50, 3.5))
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
 _MOST_OTHERS = 12
 _POLISHED = {"kernel": 3}  # of each source; 2 of the others
@@ -106,13 +106,13 @@ class Contest:
         one, two = self.pair
         by_kernels = kernel_guesses(one.margins, one.moments, two.moments, "kernel")
         yield by_kernels
-        for spacing in _SPACINGS:
-            yield self._by_features(spacing * self.scale)
+        for spacing, radius in _FEATURES:
+            yield self._by_features(spacing * self.scale, radius)
         yield self._by_parts()
         yield net_guesses(one, two, by_kernels)
 
-    def _by_features(self, spacing: float) -> list[Guess]:
-        one, two = (feature_points(p, spacing, _RADIUS * spacing) for p in self.pair)
+    def _by_features(self, spacing: float, radius: float) -> list[Guess]:
+        one, two = (feature_points(p, spacing, radius * spacing) for p in self.pair)
         return [Guess(m, "feature", np.nan, m) for m in feature_motions(one, two, spacing, _MOST["feature"])]
 
     def _by_parts(self) -> list[Guess]:

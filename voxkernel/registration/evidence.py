@@ -33,8 +33,9 @@ class Evidence(NamedTuple):
     `explained_more` and `explained_less` are the explained shares of the surface that the other one covers best and
     least, `agreement` what is explained of all that could contradict, `systematic` the offset that neighbours have in
     common, `noise` what is left, `turned` the mean of 1 - cosine of the normals, `held` the smallest eigenvalue that
-    keeps the surfaces from sliding over the largest, `overlap` the root of the explained area over the smaller
-    diagonal, `shortfall` the contradicted area over the explained one, on the side where it is larger.
+    keeps the surfaces from sliding over the largest, `overlap` the root of the explained area, `shortfall` the
+    contradicted area over the explained one, on the side where it is larger, `core` the median of the offsets that
+    neighbours have in common: small where most of a surface is the same, whatever the rest does.
     """
 
     explained_more: float
@@ -46,11 +47,13 @@ class Evidence(NamedTuple):
     held: float
     overlap: float
     shortfall: float
+    core: float
 
 
 def fit_of(source: Side, target: Side, motion: NDArray[np.float64], reach: float) -> Fit:
     """Look from the samples of each surface at the other one."""
-    halves = [_half(source, target, motion, reach), _half(target, source, np.linalg.inv(motion), reach)]
+    back = np.asarray(np.linalg.inv(motion), dtype=np.float64)
+    halves = [_half(source, target, motion, reach), _half(target, source, back, reach)]
     worth = sum(
         float(side.areas[e] @ (1.0 - (d[e] / reach) ** 2)) - _PENALTY * float(side.areas[c].sum())
         for side, (d, _, _, e, c) in zip((source, target), halves, strict=True)
@@ -83,13 +86,15 @@ def evidence_of(source: Side, target: Side, motion: NDArray[np.float64], fit: Fi
     against = [float(s.areas[c].sum()) for s, c in zip(sides, fit.contradicted, strict=True)]
     shares = [e / (s.area or 1.0) for s, e in zip(sides, explained, strict=True)]
     if min(int(e.sum()) for e in fit.explained) < 3 * _AROUND:
-        return Evidence(max(shares), min(shares), 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0)
+        return Evidence(max(shares), min(shares), 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0)
     length = float(np.sqrt(np.mean(explained)))
     common = noise = turned = total = 0.0
+    means: list[NDArray[np.float64]] = []
     for side, inside, offsets, cosines in zip(sides, fit.explained, fit.offsets, fit.cosines, strict=True):
         points, own, areas = side.points[inside], offsets[inside], side.areas[inside]
         near = KDTree(points).query(points, k=_AROUND)[1]
         mean = own[near].mean(axis=1)
+        means.append(np.abs(mean))
         rest = ((own[near] - mean[:, None]) ** 2).sum(axis=1) / (_AROUND - 1)
         common += float(areas @ np.maximum(mean**2 - rest / _AROUND, 0.0))
         noise += float(areas @ rest)
@@ -102,6 +107,7 @@ def evidence_of(source: Side, target: Side, motion: NDArray[np.float64], fit: Fi
         float(np.sqrt(common / total)) / small, float(np.sqrt(noise / total)) / small, turned / total,
         float(max(values[0], 0.0) / values[-1]), length / small,
         max(a / (e or 1.0) for a, e in zip(against, explained, strict=True)),
+        max(float(np.median(m)) for m in means) / small,
     )  # fmt: skip
 
 
@@ -120,5 +126,6 @@ def slack_of(source: Side, target: Side, fit: Fit) -> NDArray[np.float64]:
         arms = side.points[inside] - side.points[inside].mean(axis=0)
         arms /= float(np.sqrt((arms**2).sum(axis=1).mean())) or 1.0
         rows = np.hstack([np.cross(arms, side.normals[inside]), side.normals[inside]])
-        found.append(np.linalg.eigvalsh((rows * side.areas[inside][:, None]).T @ rows / side.areas[inside].sum()))
+        matrix = (rows * side.areas[inside][:, None]).T @ rows / side.areas[inside].sum()
+        found.append(np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64))
     return min(found, key=lambda values: float(values[0] / values[-1]))

@@ -25,6 +25,7 @@ def thinned(
     area = 0.5 * float(doubled_areas(vertices[faces]).sum())
     cell = float(np.sqrt(2.0 * area / most))
     whole = open3d_mesh(vertices, faces)
+    thin, triangles = whole, faces
     for _ in range(4):
         thin = whole.simplify_vertex_clustering(cell)
         triangles = np.asarray(thin.triangles).astype(np.int64)

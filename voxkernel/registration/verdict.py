@@ -13,12 +13,12 @@ __all__ = ["NAMES", "NO_MATCH", "RIGHT", "SIGNS", "believed", "descriptors", "ve
 # What the model looks at; a weight keeps the sign that the evidence has by its meaning.
 NAMES = (
     "agreement", "systematic", "noise", "turned", "held", "explained_more", "explained_less", "overlap", "shortfall",
-    "rival", "growth",
+    "rival", "growth", "core",
 )  # fmt: skip
-SIGNS = (1, -1, -1, -1, 1, 1, 1, 1, -1, -1, -1)
-_CENTERS = (3.7339, -6.5999, -6.3948, -3.7737, -2.9695, -0.1164, -0.4293, -0.2485, -4.0919, 0.4268, -4.8005)
-_SPREADS = (1.2886, 1.1953, 0.7884, 0.6843, 0.7305, 0.2723, 0.5290, 0.2320, 1.5759, 0.2871, 1.3059)
-_WEIGHTS = (0.6042, -2.9120, 0.0000, 0.0000, 0.0000, 0.2277, 0.0000, 0.6141, -0.1317, 0.0000, -1.4899)
+SIGNS = (1, -1, -1, -1, 1, 1, 1, 1, -1, -1, -1, -1)
+_CENTERS = (3.7339, -6.5999, -6.3948, -3.7737, -2.9695, -0.1164, -0.4293, -0.2485, -4.0919, 0.4268, -4.8005, -7.2)
+_SPREADS = (1.2886, 1.1953, 0.7884, 0.6843, 0.7305, 0.2723, 0.5290, 0.2320, 1.5759, 0.2871, 1.3059, 1.2)
+_WEIGHTS = (0.6042, -2.9120, 0.0000, 0.0000, 0.0000, 0.2277, 0.0000, 0.6141, -0.1317, 0.0000, -1.4899, 0.0)
 _BIAS = 1.6448
 RIGHT, NO_MATCH = 0.6, 0.2  # probabilities
 
@@ -38,6 +38,7 @@ def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.flo
         np.log(min(e.shortfall, 10.0) + 5e-3),
         min(max(rival, 0.0), 1.0),
         np.log(min(abs(np.log(max(size, 1e-9))), 0.3) + 3e-3),
+        np.log(e.core + 2e-4),
     ])
 
 
