@@ -46,6 +46,14 @@ if TYPE_CHECKING:
         visible_fraction,
     )
     from voxkernel.mesh import MeshFacts, RepairChange, RepairResult, TriangleMesh, as_mesh, repair
+    from voxkernel.polyhedral import (
+        CellKernels,
+        PackedSurfaces,
+        PolyhedralMesh,
+        cell_kernels,
+        exact_kernels,
+        read_polyhedral,
+    )
     from voxkernel.registration import (
         Candidate,
         JointRegistration,
@@ -55,14 +63,6 @@ if TYPE_CHECKING:
         register,
         register_many,
         register_together,
-    )
-    from voxkernel.polyhedral import (
-        CellKernels,
-        PackedSurfaces,
-        PolyhedralMesh,
-        cell_kernels,
-        exact_kernels,
-        read_polyhedral,
     )
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
