@@ -27,8 +27,8 @@ void bind_guards(nb::module_& m) {
       "points_see",
       [](const SightTree& tree, Array2<const double, 3> points, Array2<const double, 3> spots,
          Array1<const Index> spot_faces, Words words, StopFlag* stop) {
-        without_lock(
-            [&](Stop& s) { points_see(tree, rows(points), rows(spots), span(spot_faces), span(words), s); }, stop);
+        without_lock([&](Stop& s) { points_see(tree, rows(points), rows(spots), span(spot_faces), span(words), s); },
+                     stop);
       },
       nb::arg("tree"), array("points"), array("spots"), array("spot_faces"), array("words"), stop_argument(),
       "Set the bits of the spots that each point sees, rows of 64-bit words.");
@@ -110,8 +110,8 @@ void bind_guards(nb::module_& m) {
         }
         without_lock(
             [&](Stop& s) {
-              cells_may_see(grid, rows(centers), span(halves), span(parents), span(before), rows(spots),
-                            rows(normals), slack, span(may_see), s);
+              cells_may_see(grid, rows(centers), span(halves), span(parents), span(before), rows(spots), rows(normals),
+                            slack, span(may_see), s);
             },
             stop);
       },

@@ -209,8 +209,7 @@ void winding_numbers(const SightTree& tree, Points points, Span<Index> windings,
   }
 }
 
-void nearest_points(const SightTree& tree, Points points, Rows<double, 3> nearest, Span<double> distances,
-                    Stop& stop) {
+void nearest_points(const SightTree& tree, Points points, Rows<double, 3> nearest, Span<double> distances, Stop& stop) {
   const auto& nodes = tree.nodes();
   for (Index i = 0; i < points.size(); ++i) {
     const double* p = points[i];

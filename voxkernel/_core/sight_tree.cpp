@@ -121,8 +121,8 @@ void SightTree::build(const std::vector<Box>& boxes, Stop& stop) {
     // Below this depth halves are forced, so that walks need a stack of a known size.
     const Split split = task.depth < 40 ? best_split(boxes, ids, count, middles) : Split{};
     if (split.axis >= 0) {
-      const auto end = std::partition(
-          ids, ids + count, [&](std::int32_t id) { return middle_of(boxes[id], split.axis) < split.at; });
+      const auto end = std::partition(ids, ids + count,
+                                      [&](std::int32_t id) { return middle_of(boxes[id], split.axis) < split.at; });
       const auto size = static_cast<std::int32_t>(end - ids);
       if (size > 0 && size < count) cut = size;
     }

@@ -100,6 +100,9 @@ class Cover:
                 if len(self.points) >= most:
                     return "max_guards"
                 if self.clock.is_over:
+                    while len(self.points) < most and self._add(aim=False):  # the best of what is known
+                        if _count(union_of(self.seen, self.width)) >= need:
+                            break
                     return "time limit"
                 if not self._add():
                     return "no point sees more"
@@ -124,10 +127,10 @@ class Cover:
         self.sets = self._seen_by(self.candidates)
         self.seen = list(self.sight.sets_seen(np.array(self.points), self.spots)) if self.points else []
 
-    def _add(self) -> bool:
+    def _add(self, *, aim: bool = True) -> bool:
         """Take the candidate that sees the most of what is left, new ones in sight of it among them."""
         left = ~union_of(self.seen, self.width)
-        if self.points and self.may_move:
+        if aim and self.points and self.may_move:
             self._aim(left)
         gains = _gains(self.sets, left)
         if not len(gains) or gains.max() == 0:

@@ -188,7 +188,7 @@ def _searched(
     areas = np.bincount(sight.bodies, sight.areas, sight.n_bodies)
     for body in np.argsort(-areas, kind="stable").tolist():
         faces = np.flatnonzero(sight.bodies == body)
-        if len(points) >= most or clock.is_over:
+        if len(points) >= most or (points and clock.is_over):
             why = "max_guards" if len(points) >= most else "time limit"
             reasons.append(_words(why, most, 0.0, sight, faces, points))
             continue

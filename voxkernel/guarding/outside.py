@@ -81,18 +81,20 @@ def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
     run_parts(work, parts, sight.threads)
     distances = np.maximum(found - slack, 0.0).reshape(shape)
     free = distances > step + slack
-    labels, _ = label(free)
+    found_labels: Any = label(free)
+    labels: NDArray[np.int64] = found_labels[0]
     border = np.ones(tuple(shape), np.bool_)
     border[1:-1, 1:-1, 1:-1] = False
-    known = np.unique(labels[border & free])
+    known: NDArray[np.int64] = np.unique(labels[border & free])
     sizes = np.bincount(labels.reshape(-1))
-    sizes[0] = sizes[known] = 0
+    sizes[0] = 0
+    sizes[known] = 0
     hollows = [
         part for part in np.argsort(-sizes, kind="stable")[:_MOST_HOLLOWS].tolist()
         if sizes[part] and _is_outside(sight, nodes[np.flatnonzero(labels.reshape(-1) == part)[0]])
     ]  # fmt: skip
     reached = np.isin(labels, [*known.tolist(), *hollows]) & free
-    outside = binary_dilation(reached) | reached
+    outside: NDArray[np.bool_] = np.logical_or(np.asarray(binary_dilation(reached)), reached)
     return OutsideGrid(np.where(outside, distances, 0.0), np.ascontiguousarray(low), step, slack)
 
 

@@ -152,7 +152,7 @@ class Sight:
         """Which points are where guards may be: inside, outside, or in the domain of an open surface."""
         if self.planes is not None:
             normals, offsets = self.planes
-            return (points @ normals.T <= offsets).all(axis=1)
+            return np.asarray(np.all(points @ normals.T <= offsets, axis=1), np.bool_)
         windings = np.empty(len(points), np.int64)
         winding_numbers(self.tree, np.ascontiguousarray(points), windings)
         # The turned faces of a surface that is looked at from outside go around backwards.
@@ -179,7 +179,8 @@ def look_at(mesh: TriangleMesh, halfspaces: HalfSpaces, side: Side, threads: int
         raise MeshError(f"`surface` must have coordinates within 2**300 of the largest; got {used[used > 0].min():g}")
     corners = vertices[faces]
     lowest, highest = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    signed = np.bincount(parts, triple_products(*np.moveaxis(corners - 0.5 * (lowest + highest), 1, 0)), n_parts)
+    volumes = triple_products(*np.moveaxis(corners - 0.5 * (lowest + highest), 1, 0))
+    signed = np.asarray(np.bincount(parts, volumes, n_parts), np.float64)
     if is_closed and signed.sum() <= 0.0:
         raise MeshError(
             f"`surface` must have its facets counter-clockwise seen from outside; got an enclosed volume of "

@@ -190,7 +190,7 @@ def star_cover(guards: Guards) -> StarCover:
         for i in range(len(guards.points))
         if len(rows := np.flatnonzero(parts.guards == i))
     )  # fmt: skip
-    held = np.bincount(parts.faces, shares, len(mesh.faces))
+    held = np.asarray(np.bincount(parts.faces, shares, len(mesh.faces)), np.float64)
     left = np.flatnonzero(held < 1.0)
     return StarCover(pieces, read_only(left), read_only(1.0 - held[left]), guards)
 
