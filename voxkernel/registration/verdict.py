@@ -26,7 +26,7 @@ _WEIGHTS = (
     0.0000, -0.2045, -0.3788, 0.0000, 0.8167, 0.2404, 0.2076, 0.2195, 0.0000, -0.3263, -2.0225, -1.9697,
 )  # fmt: skip
 _BIAS = 0.8155
-RIGHT, NO_MATCH = 0.6, 0.2  # probabilities
+RIGHT, NO_MATCH = 0.65, 0.2  # probabilities
 
 
 def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.float64]:
