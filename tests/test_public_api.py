@@ -193,7 +193,7 @@ def test_every_class_a_public_name_leads_to_is_public():
     finally:
         sys.path.pop(0)
     # These stand on the pages of `voxkernel.grid` and `voxkernel.registration`.
-    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Samples"}
+    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Rim", "Samples", "Skin"}
 
 
 @pytest.mark.parametrize("name", [n for n in CALLABLES if n[0].islower()])

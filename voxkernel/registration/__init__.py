@@ -1,6 +1,6 @@
 """Two surfaces in, the rigid motion between them out, with what was tried and whether to doubt it."""
 
-from voxkernel.registration.prepare import PreparedSurface, Samples
+from voxkernel.registration.prepare import PreparedSurface, Rim, Samples, Skin
 from voxkernel.registration.register import (
     align_kernels,
     frame_candidates,
@@ -17,7 +17,9 @@ __all__ = [
     "PairRegistration",
     "PreparedSurface",
     "Registration",
+    "Rim",
     "Samples",
+    "Skin",
     "align_kernels",
     "frame_candidates",
     "prepare_surface",
