@@ -3,7 +3,7 @@
 Every shape is registered to changed copies of itself in random poses (noise, other facets, crops of one or both,
 clutter) and to what it must not be laid on (another shape, its mirror image, other sizes, the part that is missing).
 A shape belongs to one half by its name, so that no shape is in both. An answer is right when it is within 2 degrees
-and 1 % of the diagonal of the truth; answers that are one of several (symmetric shapes) are left out.
+and 1 % of the diagonal of the truth; where there is a right answer, ambiguous ones (symmetric shapes) are left out.
 
 DATA is a folder with faces/, closed/, open/, asteroids/ and range_scans/; without it, shapes are made by formula.
 """
@@ -30,6 +30,7 @@ RIGHT = (
 WRONG = (("other",), ("scale 1.1", "scale 0.9", "scale 1.05"), ("mirrored", "scale 2"), ("disjoint", "other cropped"))
 
 # Faces and animals are nearly their own mirror images, which then have a right answer.
+PENALTY = 0.005  # of the squared weights: evidence that says the same shares its weight
 EXPRESSIONS = "face, another expression or person"
 CHIRAL = ("formula", "formula, open", "asteroid")
 
@@ -153,9 +154,9 @@ def fitted(numbers: Any, right: Any, signs: Any) -> tuple[Any, Any, Any, float]:
     def loss(w: Any) -> tuple[float, Any]:
         z = x @ w[:-1] + w[-1]
         signed = np.where(right, z, -z)
-        value = share @ np.logaddexp(0.0, -signed) + 2e-3 * (w[:-1] ** 2).sum()
+        value = share @ np.logaddexp(0.0, -signed) + PENALTY * (w[:-1] ** 2).sum()
         pull = share * np.where(right, -1.0, 1.0) / (1.0 + np.exp(np.clip(signed, -50, 50)))
-        return float(value), np.append(x.T @ pull + 4e-3 * w[:-1], pull.sum())
+        return float(value), np.append(x.T @ pull + 2.0 * PENALTY * w[:-1], pull.sum())
 
     bounds = [(0.0, None) if s > 0 else (None, 0.0) for s in signs] + [(None, None)]
     answer = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, bounds=bounds, method="L-BFGS-B").x
@@ -235,7 +236,8 @@ def _run(args: argparse.Namespace) -> int:
                 file.write(json.dumps(entry) + "\n")
         tool.say(f"{kind} {pair.row}: right {entry['right']} of {possible}, {probability:.3f}", quiet=args.quiet)
     used = [o for o in outcomes if o["row"] != "mirrored" or o["kind"] in CHIRAL]
-    used = [o for o in used if not o["ambiguous"] and np.isfinite(np.array(o["numbers"], float)).all()]
+    used = [o for o in used if not (o["ambiguous"] and o["possible"])]
+    used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
     first = [o for o in used if o["half"] == "0"]
     model = fitted(
         np.array([o["numbers"] for o in first]), np.array([o["right"] for o in first]), np.array(SIGNS)
