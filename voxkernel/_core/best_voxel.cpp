@@ -41,14 +41,14 @@ class Search {
   const Crop& crop_;
   Stop& stop_;
   LabelView view_;
-  std::vector<Index> voxels_;      // positions in the crop
+  std::vector<Index> voxels_;  // positions in the crop
   std::vector<Place> places_;
-  std::vector<Index> by_depth_;    // deepest first
-  std::vector<Index> targets_;     // a random order
+  std::vector<Index> by_depth_;       // deepest first
+  std::vector<Index> targets_;        // a random order
   std::vector<std::int32_t> number_;  // of each position, -1 outside; made when needed
   LabelBlocks blocks_;
   BestVoxel best_;
-  Index best_voxel_ = 0;           // its number
+  Index best_voxel_ = 0;  // its number
 };
 
 Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop_(stop), view_(crop) {

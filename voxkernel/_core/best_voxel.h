@@ -8,12 +8,12 @@
 namespace voxkernel {
 
 struct BestVoxel {
-  Index voxel = 0;        // in the crop
-  Index n_seen = 0;       // from there
-  Index upper = 0;        // no voxel sees more than this
-  Index deepest = 0;      // the voxel farthest from the outside, the first of them
+  Index voxel = 0;    // in the crop
+  Index n_seen = 0;   // from there
+  Index upper = 0;    // no voxel sees more than this
+  Index deepest = 0;  // the voxel farthest from the outside, the first of them
   Index deepest_seen = 0;
-  Index n_steps = 0;      // voxels looked at
+  Index n_steps = 0;  // voxels looked at
 };
 
 // `depths` are those of `squared_depths`. Of voxels that see equally much the deepest counts, then the first. The

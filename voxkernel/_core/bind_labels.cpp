@@ -31,7 +31,8 @@ void bind_label_boxes(nb::module_& m) {
                                to_rows<6>(std::move(found.boxes)));
       },
       array("image"), stop_argument(),
-      "Labels of a piece of an image, but 0, the number of their voxels, and their boxes (first, one behind the last).");
+      "Labels of a piece of an image, but 0, the number of their voxels, and their boxes (first, one behind the "
+      "last).");
 }
 
 }  // namespace
@@ -42,15 +43,14 @@ void bind_labels(nb::module_& m) {
   bind_label_boxes<std::uint32_t>(m);
   bind_label_boxes<std::int64_t>(m);
   m.def(
-      "touched_voxels",
-      [](Position from, Position to) { return to_rows<3>(touched_voxels(from.data(), to.data())); }, array("from"),
-      array("to"), "Voxels whose open cube the segment between two voxel centres meets.");
+      "touched_voxels", [](Position from, Position to) { return to_rows<3>(touched_voxels(from.data(), to.data())); },
+      array("from"), array("to"), "Voxels whose open cube the segment between two voxel centres meets.");
   m.def(
       "squared_depths",
       [](Image crop, bool is_flat, Array<const double, 3> spacing, Array<double, -1, -1, -1> depths, StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
-        without_lock(
-            [&](Stop& stop) { squared_depths(object, spacing.data(), {depths.data(), object.size()}, stop); }, flag);
+        without_lock([&](Stop& stop) { squared_depths(object, spacing.data(), {depths.data(), object.size()}, stop); },
+                     flag);
       },
       array("crop"), nb::arg("is_flat"), array("spacing"), array("depths"), stop_argument(),
       "Fill the squared distance of every voxel of an object from the nearest one outside.");
@@ -68,9 +68,7 @@ void bind_labels(nb::module_& m) {
       [](Image crop, bool is_flat, Position center, Array<std::uint8_t, -1, -1, -1> seen, StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         return without_lock(
-            [&](Stop& stop) {
-              return LabelView(object).count(center.data(), {seen.data(), object.size()}, stop);
-            },
+            [&](Stop& stop) { return LabelView(object).count(center.data(), {seen.data(), object.size()}, stop); },
             flag);
       },
       array("crop"), nb::arg("is_flat"), array("center"), array("seen"), stop_argument(),
@@ -89,9 +87,7 @@ void bind_labels(nb::module_& m) {
          StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         const BestVoxel best = without_lock(
-            [&](Stop& stop) {
-              return best_voxel(object, {depths.data(), object.size()}, always, most_steps, stop);
-            },
+            [&](Stop& stop) { return best_voxel(object, {depths.data(), object.size()}, always, most_steps, stop); },
             flag);
         return std::make_tuple(best.voxel, best.n_seen, best.upper, best.deepest, best.deepest_seen, best.n_steps);
       },
@@ -131,8 +127,8 @@ void bind_labels(nb::module_& m) {
   m.def(
       "star_kernels",
       [](Array2<const double, 3> directions, Array2<const Index, 3> faces, Array<const double, -1, -1> distances,
-         Index first, Index last, Array1<double> volumes, Array2<double, 6> boxes,
-         Array1<std::int8_t> outcomes, StopFlag* flag) {
+         Index first, Index last, Array1<double> volumes, Array2<double, 6> boxes, Array1<std::int8_t> outcomes,
+         StopFlag* flag) {
         const StarKernelAnswers answers{span(volumes), rows(boxes), span(outcomes)};
         without_lock(
             [&](Stop& stop) {

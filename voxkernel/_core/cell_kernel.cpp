@@ -236,8 +236,7 @@ void FaceCutter::widen(Index i, double* box) const {
   const double normal[3] = {x_[i], y_[i], z_[i]};
   for (Index k = 0; k < polygon_.size; ++k) {
     for (int axis = 0; axis < 3; ++axis) {
-      const double at =
-          slack_[i] * normal[axis] + polygon_.x[k] * frame_[0][axis] + polygon_.y[k] * frame_[1][axis];
+      const double at = slack_[i] * normal[axis] + polygon_.x[k] * frame_[0][axis] + polygon_.y[k] * frame_[1][axis];
       box[axis] = std::min(box[axis], at);
       box[3 + axis] = std::max(box[3 + axis], at);
     }

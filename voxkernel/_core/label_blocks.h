@@ -10,9 +10,9 @@
 namespace voxkernel {
 
 struct LabelBlocks {
-  Index edge = 1;                // voxels
-  std::vector<Index> of_voxel;   // block of each voxel of a list
-  std::vector<Index> hidden;     // at least so many voxels are hidden from every voxel of a block
+  Index edge = 1;                       // voxels
+  std::vector<Index> of_voxel;          // block of each voxel of a list
+  std::vector<Index> hidden;            // at least so many voxels are hidden from every voxel of a block
   std::vector<std::uint8_t> is_hidden;  // one row a block: 1 for the blocks that are wholly hidden from it
   Index size() const { return static_cast<Index>(hidden.size()); }
 };

@@ -13,7 +13,7 @@ namespace voxkernel {
 struct LabelBoxes {
   std::vector<std::int64_t> labels;  // in order of their first voxel; 0 is no label
   std::vector<Index> sizes;
-  std::vector<Index> boxes;          // six numbers each: the first voxel along every axis, then one behind the last
+  std::vector<Index> boxes;  // six numbers each: the first voxel along every axis, then one behind the last
 };
 
 // Labels of 64 bits without a sign are taken as the signed number with the same bits.

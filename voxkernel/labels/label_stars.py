@@ -87,7 +87,7 @@ def label_stars(
     >>> image[1:4, 3:8, 3:6] = 2  # cut into a U
     >>> stars = label_stars(image, spacing=(2, 1, 1))
     >>> stars.label.tolist(), stars.voxels.tolist(), stars.visible.round(3).tolist(), stars.reason[0]
-    ([1, 2], [102, 45], [0.588, 1.0], 'hidden part')
+    ([1, 2], [102, 45], [0.735, 1.0], 'hidden part')
     """
     image = as_image(labels, spacing)
     counts = as_ray_counts(n_rays, len(image.shape))
