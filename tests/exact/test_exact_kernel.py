@@ -269,3 +269,21 @@ def test_result_is_frozen_and_plain():
     assert empty["clearance"] is None
     with pytest.raises(voxkernel.VoxKernelError, match="must have faces to become a mesh"):
         voxkernel.exact_kernel(shapes.torus()).to_mesh()
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), np.array([[2, -1, 2], [2, 2, -1], [-1, 2, 2]]) / 4.0])
+def test_flat_sides_are_merged_first(turn):
+    """A cube of 12,288 facets in six planes, and with a corner cut off: faces are named by their first facets."""
+    vertices, faces = shapes.cube()
+    for _ in range(5):
+        vertices, faces = shapes.subdivided(vertices, faces)
+    low = vertices.min(axis=0)
+    points = (vertices - low) @ turn.T  # multiples of 1/128, turned: every side is exactly a plane
+    kernel = voxkernel.exact_kernel((points, faces))
+    size = abs(np.linalg.det(turn)) * np.prod(vertices.max(axis=0) - low)
+    assert (len(kernel.vertices), len(kernel.face_facets)) == (8, 6)
+    assert kernel.volume == pytest.approx(size, rel=1e-12)
+    assert kernel.certificate.verify()
+    assert len(kernel.certificate.halfspaces) == len(faces)
+    groups = kernel.certificate.halfspaces.coplanar_groups()
+    assert sorted(kernel.face_facets.tolist()) == np.unique(groups).tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,15 @@ from voxkernel.exact.certificate import certify, certify_unclipped
 from voxkernel.exact.domain_cut import is_bounded, is_cut, without_domain
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, flat_shape, solid_shape
-from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
+from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_argument
 
 __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 
 # Above what a number below the normal range of doubles loses, several times over.
 _LEAST = 2.0**-1070
+# Facets whose planes are looked at to see whether sides are flat.
+_SAMPLE = 512
 
 
 def exact_kernel(
@@ -96,7 +99,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
             unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
             **clip,
         )
-    shape = solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
+    shape = _solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
@@ -125,6 +128,19 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
         _flat_vertices=tuple(shape.corners),
         **clip,
     )
+
+
+def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
+    """Merge coplanar facets first where a sample says that sides are flat: then few planes are left to decide about."""
+    sample = planes.select(np.arange(0, len(planes), max(1, len(planes) // _SAMPLE)))
+    if len(planes) < 2 * _SAMPLE or 2 * len(np.unique(sample.coplanar_groups())) > len(sample):
+        return solid_shape(planes, inside)
+    groups = planes.coplanar_groups()
+    heads = np.flatnonzero(groups == np.arange(len(groups)))
+    working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
+    merged = replace(planes.select(heads), bounds_volume=planes.bounds_volume)
+    shape = solid_shape(merged, replace(inside, working_set=working_set))
+    return None if shape is None else replace(shape, rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
 
 
 def _volume_bounds(shape: Shape, scale: float) -> tuple[float, float]:
