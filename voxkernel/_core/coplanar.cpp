@@ -181,7 +181,7 @@ class Heads {
   }
 
   void grow() {
-    std::vector<Slot> old(4 * slots_.size(), Slot{0, -1});
+    std::vector<Slot> old(2 * slots_.size(), Slot{0, -1});
     old.swap(slots_);
     for (const Slot& slot : old) {
       if (slot.head < 0) continue;
