@@ -138,7 +138,10 @@ def small_rows():
     packed = PackedSurfaces(points, ids, np.arange(0, len(ids) + 1, len(faces)))
     one = voxkernel.as_mesh((points[: len(vertices)], faces))
     return {
-        "exact_kernels, a surface of 20 facets, a fifth of them convex": seconds(lambda: voxkernel.exact_kernels(packed)) / n,
+        "exact_kernels, a surface of 20 facets, a fifth of them convex": seconds(
+            lambda: voxkernel.exact_kernels(packed)
+        )
+        / n,
         "exact_kernel of one of them": seconds(lambda: voxkernel.exact_kernel(one), 200),
     }
 

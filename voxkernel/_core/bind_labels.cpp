@@ -44,7 +44,7 @@ void bind_labels(nb::module_& m) {
   bind_label_boxes<std::int64_t>(m);
   m.def(
       "touched_voxels", [](Position from, Position to) { return to_rows<3>(touched_voxels(from.data(), to.data())); },
-      array("from"), array("to"), "Voxels whose open cube the segment between two voxel centres meets.");
+      array("start"), array("end"), "Voxels whose open cube the segment between two voxel centres meets.");
   m.def(
       "squared_depths",
       [](Image crop, bool is_flat, Array<const double, 3> spacing, Array<double, -1, -1, -1> depths, StopFlag* flag) {

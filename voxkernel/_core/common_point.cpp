@@ -9,8 +9,8 @@ namespace voxkernel {
 namespace {
 
 constexpr double kUnit = 0x1p-53;
-constexpr double kLong = 0x1p-102;     // of one sum or product, double_double.h
-constexpr double kGood = 0x1p-56;      // beside the rounding of the result nothing else may count
+constexpr double kLong = 0x1p-102;  // of one sum or product, double_double.h
+constexpr double kGood = 0x1p-56;   // beside the rounding of the result nothing else may count
 
 using Vector = std::array<DoubleDouble, 3>;
 

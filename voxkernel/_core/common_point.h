@@ -13,7 +13,8 @@ class CommonPoints {
  public:
   CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows), cache_(kCached) {}
 
-  // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each coordinate; infinity where there is none.
+  // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each
+  // coordinate; infinity where there is none.
   double find(Index i, Index j, Index k, double* point);
 
  private:

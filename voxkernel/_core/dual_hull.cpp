@@ -3,9 +3,9 @@
 // The one question is on which side of plane l the common point of planes i, j, k lies: the sign of the determinant of
 // the rows (n, s), which is s_i s_j s_k s_l times the volume spanned by the dual points. Floating point answers where
 // the volume is larger than a bound on its error, integers made from the input otherwise. Dual points in the plane of a
-// triangle are not beyond it, so that a point beyond the hull sees a disk, whatever is degenerate; planes that touch the
-// polytope in a vertex or an edge only are corners of triangles all of which lie in one or two planes, and drop out when
-// triangles in one plane are taken together: those are one vertex of the polytope.
+// triangle are not beyond it, so that a point beyond the hull sees a disk, whatever is degenerate; planes that touch
+// the polytope in a vertex or an edge only are corners of triangles all of which lie in one or two planes, and drop out
+// when triangles in one plane are taken together: those are one vertex of the polytope.
 #include "dual_hull.h"
 
 #include <algorithm>
@@ -21,10 +21,10 @@ namespace voxkernel {
 namespace {
 
 constexpr double kUnit = 0x1p-53;
-constexpr double kExactDual = 0x1p-48;    // bound on the relative error of dual points made from integers
-constexpr double kGoodDual = 0x1p-44;     // dual points less certain than this are made from integers
-constexpr double kUnderflow = 0x1p-600;   // more than what underflow can cost a product of three numbers
-constexpr Index kSorted = 64;             // so many points are inserted as they come
+constexpr double kExactDual = 0x1p-48;   // bound on the relative error of dual points made from integers
+constexpr double kGoodDual = 0x1p-44;    // dual points less certain than this are made from integers
+constexpr double kUnderflow = 0x1p-600;  // more than what underflow can cost a product of three numbers
+constexpr Index kSorted = 64;            // so many points are inserted as they come
 
 struct Dual {
   double q[3];
@@ -89,8 +89,8 @@ class DualHull {
   }
 
  private:
-  // Rows by direction: the side of a cube, and a cell of it, along a curve that stays near. Neighbours in space are then
-  // neighbours in memory.
+  // Rows by direction: the side of a cube, and a cell of it, along a curve that stays near. Neighbours in space are
+  // then neighbours in memory.
   std::vector<Index> sorted(Indices rows) {
     if (rows.size() <= kSorted) return {rows.begin(), rows.end()};
     struct Keyed {
@@ -131,8 +131,7 @@ class DualHull {
   void find_duals(int cube_exponent) {
     duals_.resize(n_ + 6);
     const double* center = planes_.center;
-    const double reach =
-        std::sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) + 1.0;
+    const double reach = std::sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) + 1.0;
     for (Index i = 0; i < n_; ++i) {
       stop_.poll(4);
       const double* n = planes_.normals[rows_[i]];
@@ -269,8 +268,7 @@ class DualHull {
         *where = beyond(t, l);
         if (*where > 0 || uncertain == 0) return at;
         for (int k = 0; k < 3 && next < 0; ++k) {
-          if ((uncertain >> k & 1) &&
-              exact_.normals_sign(t.corner[(k + 1) % 3], t.corner[(k + 2) % 3], l) < 0) {
+          if ((uncertain >> k & 1) && exact_.normals_sign(t.corner[(k + 1) % 3], t.corner[(k + 2) % 3], l) < 0) {
             next = k;
           }
         }
@@ -481,8 +479,8 @@ class DualHull {
       std::sort(low, low + n, [&](std::int32_t a, std::int32_t b) { return faces[a].row < faces[b].row; });
       const std::array<std::int32_t, 3> chosen = widest(low, n, faces);
       for (int k = 0; k < 3; ++k) three[v][k] = faces[chosen[k]].row;
-      const double error = common_point(faces[chosen[0]].point, faces[chosen[1]].point, faces[chosen[2]].point,
-                                        &points[3 * v]);
+      const double error =
+          common_point(faces[chosen[0]].point, faces[chosen[1]].point, faces[chosen[2]].point, &points[3 * v]);
       found.vertex_error = std::max(found.vertex_error, error);
     }
     std::vector<std::int32_t> order(n_faces), renamed(n_vertices, -1);

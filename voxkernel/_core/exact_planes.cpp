@@ -137,8 +137,7 @@ int ExactPlanes::planes_sign(Index i, Index j, Index k, Index l) {
   Wide minors[4][4];
   for (int p = 0; p < 4; ++p) {
     for (int q = p + 1; q < 4; ++q) {
-      minors[p][q] =
-          difference_of_products(scratch_, rows[p]->n[0], rows[q]->n[1], rows[p]->n[1], rows[q]->n[0]);
+      minors[p][q] = difference_of_products(scratch_, rows[p]->n[0], rows[q]->n[1], rows[p]->n[1], rows[q]->n[0]);
     }
   }
   // Along the last column: the sign of the cofactor of row r is + for r = 1 and 3, counted from 0.

@@ -17,7 +17,8 @@ struct PlaneSource {
   Points center;
 };
 
-// Half-spaces n . y <= s as integers, y the exact distance from the centre in units of a lattice that holds all corners.
+// Half-spaces n . y <= s as integers, y the exact distance from the centre in units of a lattice that holds all
+// corners.
 //
 // Planes are made when they are first asked for, and kept. Indices are positions in `rows`; the six after the last are
 // the sides of a cube about the centre, x, -x, y, -y, z, -z.

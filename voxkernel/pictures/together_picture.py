@@ -76,7 +76,7 @@ def together_picture(
     extent = float(np.linalg.norm(np.ptp(np.concatenate([v for v, _ in laid]), axis=0)))
     fit = fit_of(laid, _REACH * extent)
     view, up = view_of(laid)
-    before = tuple(plain_layer(*shown[i], colors.get(i, UNEXPLAINED), called[i]) for i in range(n))
+    before = tuple(plain_layer(v, f, colors.get(i, UNEXPLAINED), called[i]) for i, (v, f) in enumerate(shown))
     after = tuple(plain_layer(v, f, colors[i], called[i]) for i, (v, f) in zip(kept, laid, strict=True))
     far = tuple(
         colored(v, f, d, fit.end, called[i]) for i, (v, f), d in zip(kept, laid, fit.distances, strict=True)

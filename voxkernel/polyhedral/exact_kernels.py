@@ -104,7 +104,7 @@ def _ends(starts: NDArray[np.int64]) -> str:
     return f"{starts[0]} to {starts[-1]}{falls}"
 
 
-def _packed(surfaces: Iterable[MeshLike]) -> PackedSurfaces:
+def _packed(surfaces: object) -> PackedSurfaces:
     """Put meshes one behind the other."""
     if isinstance(surfaces, TriangleMesh | str | bytes | np.ndarray) or not isinstance(surfaces, Iterable):
         raise TypeError(f"`surfaces` must be a sequence of meshes or PackedSurfaces; got {type(surfaces).__name__}")

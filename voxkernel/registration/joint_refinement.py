@@ -178,7 +178,9 @@ def _step(pulls: list[_Pull], pairs: list[tuple[int, int]], n: int, reach: float
     free = slice(6, 6 * n)
     inner = normal[free, free]
     inner[np.diag_indices_from(inner)] += _DAMPING * (1.0 + np.diag(inner).max(initial=0.0))
-    return np.concatenate([np.zeros(6), np.linalg.solve(inner, right[free])]).reshape(n, 6)
+    steps = np.zeros((n, 6))
+    steps[1:] = np.linalg.solve(inner, right[free]).reshape(n - 1, 6)
+    return steps
 
 
 def _moved(poses: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -156,9 +156,10 @@ class _Octree(NamedTuple):
         local = cube.edge / self.planes.scale
         voxel, pad = 2.0**-depth * local, float(numbers[3].max()) * local
         near = rows_for_voxels(self.planes, self.inside, numbers[2], voxel, pad)
+        normals, offsets, reach, pads = numbers
         if 4 * len(near) < 3 * len(self.planes):
-            return exact_cells(*(part[near] for part in numbers), depth, count_only)
-        return exact_cells(*numbers, depth, count_only)
+            normals, offsets, reach, pads = normals[near], offsets[near], reach[near], pads[near]
+        return exact_cells(normals, offsets, reach, pads, depth, count_only)
 
 
 def _grid(octree: _Octree, cube: RootCube, depth: int, reason: str = "") -> KernelGrid:
