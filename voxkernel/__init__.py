@@ -54,16 +54,7 @@ if TYPE_CHECKING:
         exact_kernels,
         read_polyhedral,
     )
-    from voxkernel.registration import (
-        Candidate,
-        JointRegistration,
-        JudgedPair,
-        PairRegistration,
-        Registration,
-        register,
-        register_many,
-        register_together,
-    )
+    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
     from voxkernel.spherical import (
@@ -94,8 +85,6 @@ __all__ = [
     "GuardsProgress",
     "HalfSpaces",
     "Harmonics",
-    "JointRegistration",
-    "JudgedPair",
     "Kernel",
     "KernelGrid",
     "KernelMoments",
@@ -147,7 +136,6 @@ __all__ = [
     "read_vdb",
     "register",
     "register_many",
-    "register_together",
     "repair",
     "spherical_map",
     "star_cover",
@@ -180,8 +168,6 @@ _HOMES = {
     "GuardsProgress": "guarding",
     "HalfSpaces": "halfspaces",
     "Harmonics": "spherical",
-    "JointRegistration": "registration",
-    "JudgedPair": "registration",
     "Kernel": "exact",
     "KernelGrid": "voxels",
     "KernelMoments": "measures",
@@ -233,7 +219,6 @@ _HOMES = {
     "read_vdb": "vdb",
     "register": "registration",
     "register_many": "registration",
-    "register_together": "registration",
     "repair": "mesh",
     "spherical_map": "spherical",
     "star_cover": "guarding",
