@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import cells_may_see, clearances
+from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
 from voxkernel.guarding.sight import Sight, Spots, turns_around
 
@@ -18,8 +19,8 @@ _MARGIN = 3  # nodes around the bounding box
 _MOST_HOLLOWS = 32  # parts of space away from the surface that are looked at, the largest
 
 
-@dataclass(frozen=True, eq=False)
-class OutsideGrid:
+@dataclass(frozen=True, eq=False, repr=False)
+class OutsideGrid(Frozen):
     """Nodes that are outside for certain have a distance, all others 0.
 
     `slack` is far above the rounding of the few dozen operations, on numbers of the size of the coordinates and of the

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import SightTree, first_hits, nearest_points, pairs_see, points_see, winding_numbers
+from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces import HalfSpaces, ball_domain
@@ -38,8 +39,8 @@ class Spots(NamedTuple):
         return Spots(self.places[ids], self.faces[ids])
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sight(Frozen):
     """Facets with an area, in a frame that differs from the world by a power of two, so that no digit is lost.
 
     The side that can be seen is the inner one of `faces`; of a surface that is looked at from outside they are turned.
