@@ -139,11 +139,10 @@ class EvaluateSettings:
     def of_results(self) -> dict[str, Any]:
         """Give the settings that decide what is in a row."""
         values = {name: getattr(self, name) for name in _RESULTS}
+        if self.guards is None:  # as runs without guards have it
+            del values["guards"]
         spacing = None if self.spacing is None else list(self.spacing)
         return {**values, "tolerances": list(self.tolerances), "n_rays": list(self.n_rays), "spacing": spacing}
-        if self.guards is None:  # as runs of earlier versions have it
-            del values["guards"]
-        return {**values, "tolerances": list(self.tolerances)}
 
 
 def settings_text(settings: EvaluateSettings) -> str:

@@ -16,7 +16,6 @@ from voxkernel.halfspaces.predicates import touched_and_violated
 __all__ = ["InnerPoint", "inner_point"]
 
 _UNIT = 2.0**-53
-_MOST_TERMS = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -44,8 +43,10 @@ def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
         return InnerPoint(terms, inside.local_point, 0.0)
     rest = planes.lattice_to_world(inside.point)
     rows: list[list[float]] = []
-    while len(rows) < _MOST_TERMS:
+    while True:
         row = [float(v) for v in rest]
+        if not any(row):  # what is left is below the smallest double
+            raise SolverError("the solid is too thin: no sum of doubles lies strictly inside")
         rows.append(row)
         rest = (rest[0] - Fraction(row[0]), rest[1] - Fraction(row[1]), rest[2] - Fraction(row[2]))
         x, y, z = (sum((Fraction(v) for v in column), Fraction(0)) for column in zip(*rows, strict=True))
@@ -54,4 +55,3 @@ def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
         if not len(touched) and not len(violated):
             local = planes.from_lattice(lattice)
             return InnerPoint(np.array(rows), local, 4.0 * _UNIT * (1.0 + float(np.abs(local).sum())))
-    raise SolverError("no sum of doubles lies strictly inside the half-spaces")
