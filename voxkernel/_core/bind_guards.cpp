@@ -99,7 +99,7 @@ void bind_guards(nb::module_& m) {
       "At most `count` sets with `need` bits; empty where there are none, [-1] where that is open.");
   m.def(
       "cells_may_see",
-      [](Array<const double, -1, -1, -1> distances, Point low, double step, Array2<const double, 3> centers,
+      [](Array<const double, -1, -1, -1> distances, const Point& low, double step, Array2<const double, 3> centers,
          Array1<const double> halves, Array1<const Index> parents, Array1<const bool> before,
          Array2<const double, 3> spots, Array2<const double, 3> normals, double slack, Array1<bool> may_see,
          StopFlag* stop) {

@@ -43,11 +43,13 @@ void bind_labels(nb::module_& m) {
   bind_label_boxes<std::uint32_t>(m);
   bind_label_boxes<std::int64_t>(m);
   m.def(
-      "touched_voxels", [](Position from, Position to) { return to_rows<3>(touched_voxels(from.data(), to.data())); },
+      "touched_voxels",
+      [](const Position& from, const Position& to) { return to_rows<3>(touched_voxels(from.data(), to.data())); },
       array("start"), array("end"), "Voxels whose open cube the segment between two voxel centres meets.");
   m.def(
       "squared_depths",
-      [](Image crop, bool is_flat, Array<const double, 3> spacing, Array<double, -1, -1, -1> depths, StopFlag* flag) {
+      [](const Image& crop, bool is_flat, Array<const double, 3> spacing, Array<double, -1, -1, -1> depths,
+         StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         without_lock([&](Stop& stop) { squared_depths(object, spacing.data(), {depths.data(), object.size()}, stop); },
                      flag);
@@ -56,7 +58,7 @@ void bind_labels(nb::module_& m) {
       "Fill the squared distance of every voxel of an object from the nearest one outside.");
   m.def(
       "label_parts",
-      [](Image crop, bool is_flat, StopFlag* flag) {
+      [](const Image& crop, bool is_flat, StopFlag* flag) {
         const LabelParts parts =
             without_lock([&](Stop& stop) { return label_parts(crop_of(crop, is_flat), stop); }, flag);
         return std::make_tuple(parts.n_fragments, parts.largest_fragment, parts.n_holes, parts.hole_voxels);
@@ -65,7 +67,7 @@ void bind_labels(nb::module_& m) {
       "Number of fragments, voxels of the largest, number of holes, voxels in them.");
   m.def(
       "visible_voxels",
-      [](Image crop, bool is_flat, Position center, Array<std::uint8_t, -1, -1, -1> seen, StopFlag* flag) {
+      [](const Image& crop, bool is_flat, Position center, Array<std::uint8_t, -1, -1, -1> seen, StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         return without_lock(
             [&](Stop& stop) { return LabelView(object).count(center.data(), {seen.data(), object.size()}, stop); },
@@ -75,7 +77,7 @@ void bind_labels(nb::module_& m) {
       "Fill 1 for the voxels that a voxel of the object sees, 0 elsewhere; return their number.");
   m.def(
       "visible_count",
-      [](Image crop, bool is_flat, Position center, StopFlag* flag) {
+      [](const Image& crop, bool is_flat, Position center, StopFlag* flag) {
         return without_lock(
             [&](Stop& stop) { return LabelView(crop_of(crop, is_flat)).count(center.data(), {}, stop); }, flag);
       },
@@ -83,7 +85,7 @@ void bind_labels(nb::module_& m) {
       "Number of voxels that a voxel of the object sees.");
   m.def(
       "best_voxel",
-      [](Image crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index always, Index most_steps,
+      [](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index always, Index most_steps,
          StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         const BestVoxel best = without_lock(
@@ -95,7 +97,7 @@ void bind_labels(nb::module_& m) {
       "The voxel that sees most, what it sees, a bound on that; the deepest and what it sees; voxels looked at.");
   m.def(
       "ray_lengths",
-      [](Image crop, bool is_flat, Position center, Array2<const double, 3> directions, bool is_stepped,
+      [](const Image& crop, bool is_flat, Position center, Array2<const double, 3> directions, bool is_stepped,
          Array1<double> lengths, StopFlag* flag) {
         without_lock(
             [&](Stop& stop) {
@@ -109,7 +111,7 @@ void bind_labels(nb::module_& m) {
   nb::class_<StarRaster>(m, "StarRaster", "Counts the voxels of star-shaped bodies in one crop.")
       .def(
           "__init__",
-          [](StarRaster* raster, Image crop, bool is_flat) { new (raster) StarRaster(crop_of(crop, is_flat)); },
+          [](StarRaster* raster, const Image& crop, bool is_flat) { new (raster) StarRaster(crop_of(crop, is_flat)); },
           array("crop"), nb::arg("is_flat"), nb::keep_alive<1, 2>())
       .def(
           "count",

@@ -21,7 +21,7 @@ class Flood {
   }
 
   // Number of voxels of the piece that holds `seed`.
-  Index empty(Index seed, Stop& stop) {
+  Index drain(Index seed, Stop& stop) {
     if (field_[seed] == 0) return 0;
     field_[seed] = 0;
     stack_.assign(1, seed);
@@ -65,7 +65,7 @@ LabelParts label_parts(const Crop& crop, Stop& stop) {
   std::vector<std::uint8_t> field(crop.bytes.begin(), crop.bytes.end());
   Flood pieces(crop, field, true);
   each_inner(crop, [&](Index v, bool) {
-    const Index n = pieces.empty(v, stop);
+    const Index n = pieces.drain(v, stop);
     if (n == 0) return;
     ++parts.n_fragments;
     parts.largest_fragment = std::max(parts.largest_fragment, n);
@@ -74,10 +74,10 @@ LabelParts label_parts(const Crop& crop, Stop& stop) {
   each_inner(crop, [&](Index v, bool) { field[v] = crop.bytes[v] == 0 ? 1 : 0; });
   Flood outside(crop, field, false);
   each_inner(crop, [&](Index v, bool is_at_the_rim) {
-    if (is_at_the_rim) outside.empty(v, stop);
+    if (is_at_the_rim) outside.drain(v, stop);
   });
   each_inner(crop, [&](Index v, bool) {
-    const Index n = outside.empty(v, stop);
+    const Index n = outside.drain(v, stop);
     if (n == 0) return;
     ++parts.n_holes;
     parts.hole_voxels += n;

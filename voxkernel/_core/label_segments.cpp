@@ -1,5 +1,7 @@
 #include "label_segments.h"
 
+#include <algorithm>
+
 namespace voxkernel {
 
 namespace {
@@ -41,9 +43,9 @@ std::int32_t SegmentSteps::append(const Index* n) {
 std::vector<Index> touched_voxels(const Index* from, const Index* to) {
   Index low[3], shape[3], d[3], strides[3];
   for (int a = 0; a < 3; ++a) {
-    low[a] = from[a] < to[a] ? from[a] : to[a];
+    low[a] = std::min(from[a], to[a]);
     d[a] = to[a] - from[a];
-    shape[a] = (d[a] < 0 ? -d[a] : d[a]) + 1;
+    shape[a] = std::max(from[a], to[a]) - low[a] + 1;
   }
   strides[0] = shape[1] * shape[2];
   strides[1] = shape[2];
