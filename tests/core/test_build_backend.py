@@ -69,3 +69,26 @@ def test_a_compiler_that_is_named_is_believed(backend, monkeypatch):
     monkeypatch.delenv("CXX")
     monkeypatch.setenv("CMAKE_ARGS", "-DCMAKE_CXX_COMPILER=/opt/c++")
     assert backend.zig_requirements() == []
+
+
+def test_a_kept_wheel_is_not_built_again(backend, monkeypatch, tmp_path):
+    built = []
+
+    def build(folder, settings, metadata):
+        built.append(settings)
+        Path(folder, "voxkernel-1-py3-none-any.whl").write_bytes(b"wheel")
+        return "voxkernel-1-py3-none-any.whl"
+
+    monkeypatch.setattr(backend.scikit, "build_wheel", build)
+    monkeypatch.setattr(backend, "has_compiler", lambda: True)
+    for folder in ("one", "two", "three", "four"):
+        (tmp_path / folder).mkdir()
+    backend.build_wheel(str(tmp_path / "one"))
+    monkeypatch.setenv("VOXKERNEL_WHEELS", str(tmp_path / "kept"))
+    backend.build_wheel(str(tmp_path / "two"))
+    assert len(built) == 2
+    name = backend.build_wheel(str(tmp_path / "three"))
+    assert len(built) == 2
+    assert (tmp_path / "three" / name).read_bytes() == b"wheel"
+    backend.build_wheel(str(tmp_path / "four"), {"cmake.define.VOXKERNEL_CHECKED": "ON"})
+    assert len(built) == 3

@@ -120,9 +120,27 @@ def get_requires_for_build_editable(config_settings: Settings | None = None) -> 
 def build_wheel(
     wheel_directory: str, config_settings: Settings | None = None, metadata_directory: str | None = None
 ) -> str:
-    """Build with the compiler of the machine, or zig."""
+    """Build with the compiler of the machine, or zig; once, where `VOXKERNEL_WHEELS` names a folder that keeps it.
+
+    That is for one source that is installed several times in a row; nothing looks whether it has changed.
+    """
+    kept = kept_wheels()
+    if kept is not None and not config_settings:
+        for wheel in sorted(kept.glob("*.whl")):
+            shutil.copy2(wheel, wheel_directory)
+            return wheel.name
     with compiler(config_settings) as settings:
-        return scikit.build_wheel(wheel_directory, settings, metadata_directory)
+        name = scikit.build_wheel(wheel_directory, settings, metadata_directory)
+    if kept is not None and not config_settings:
+        kept.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(Path(wheel_directory, name), kept)
+    return name
+
+
+def kept_wheels() -> Path | None:
+    """Where wheels of this Python are kept, if anywhere."""
+    folder = os.environ.get("VOXKERNEL_WHEELS")
+    return Path(folder, str(sys.implementation.cache_tag)) if folder else None
 
 
 def build_editable(
