@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapes
 
@@ -19,8 +20,10 @@ CALLS = {
     "kernel": ("kernel", "star.ply", "-o", "kernel.ply", "--picture", "kernel.png"),
     "center": ("center", "face.ply"),
     "score": ("score", "star.ply", "face.ply"),
+    "guards": ("guards", "star.ply", "-o", "pieces"),
     "sphere": ("sphere", "star.ply", "-o", "sphere.npz"),
     "register": ("register", "moved.ply", "star.ply"),
+    "labels": ("labels", "nucleus.npy", "--spacing", "1,1,1", "-o", "objects"),
     "evaluate": ("evaluate", "meshes", "-o", "run", "--workers", "1"),
     "report": ("report", "run", "-o", "report.html"),
     "info": ("info", "star.ply"),
@@ -36,6 +39,7 @@ def folder(tmp_path_factory):
     as_mesh((vertices, faces)).write(path / "star.ply")
     as_mesh((shapes.moved(vertices, shapes.quarter_turns()[5], [1.0, 2.0, 3.0]), faces)).write(path / "moved.ply")
     as_mesh(shapes.height_field(n=6)).write(path / "face.ply")
+    np.save(path / "nucleus.npy", np.pad(np.ones((4, 5, 6), np.uint8), 1))
     (path / "meshes").mkdir()
     shutil.copy(path / "star.ply", path / "meshes")
     return path
