@@ -45,8 +45,6 @@ def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
     rows: list[list[float]] = []
     while True:
         row = [float(v) for v in rest]
-        if not any(row):  # what is left is below the smallest double
-            raise SolverError("the solid is too thin: no sum of doubles lies strictly inside")
         rows.append(row)
         rest = (rest[0] - Fraction(row[0]), rest[1] - Fraction(row[1]), rest[2] - Fraction(row[2]))
         x, y, z = (sum((Fraction(v) for v in column), Fraction(0)) for column in zip(*rows, strict=True))
@@ -55,3 +53,5 @@ def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
         if not len(touched) and not len(violated):
             local = planes.from_lattice(lattice)
             return InnerPoint(np.array(rows), local, 4.0 * _UNIT * (1.0 + float(np.abs(local).sum())))
+        if not any(row):  # what is left is below the smallest double
+            raise SolverError("the solid is too thin: no sum of doubles lies strictly inside")

@@ -16,7 +16,7 @@ from voxkernel.guarding.cover import Cover
 from voxkernel.guarding.result import Guards
 from voxkernel.guarding.sight import Sight, look_at
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
-from voxkernel.mesh import MeshLike, TriangleMesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.relaxed.best_center import GAP, center_of_planes
 from voxkernel.relaxed.facet_weights import weigh
 
@@ -122,9 +122,8 @@ def guards(
     if distance is not None and side == "inside":
         raise ValueError("`distance` must be left out with `side` 'inside'; got a number")
     clock = Clock(limit, progress)
-    argument = surface_argument(surface, facets)
-    mesh = argument.mesh
-    assert mesh is not None  # a HalfSpaces has no surface: `as_mesh` refuses it
+    mesh = as_mesh(surface, facets=facets)
+    argument = surface_argument(mesh)
     closed = argument.halfspaces.bounds_volume
     if side == "outside" and not closed:
         raise ValueError("`side` must be 'inside' for an open surface; got 'outside'")

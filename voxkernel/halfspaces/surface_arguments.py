@@ -64,9 +64,10 @@ REGISTRATION = DefaultDomain(
     why="Crops of one object have other hulls, and the border of a crop would end the kernel.",
 )  # fmt: skip
 NO_DOMAIN = DefaultDomain(
-    ("violation", "visible_fraction", "cell_kernels", "exact_kernels"),
+    ("violation", "visible_fraction", "guards", "cell_kernels", "exact_kernels"),
     closed="", opened="", half_spaces="",
-    why="The points are given; the kernel of a cell lies inside it, and an open cell has none.",
+    why="The points are given, or lie where the surface can be seen; the kernel of a cell lies inside it, and an open "
+    "cell has none.",
 )  # fmt: skip
 DEFAULT_DOMAINS = (EXACT, RELAXED, REGISTRATION, NO_DOMAIN)
 
