@@ -19,25 +19,6 @@ void bind_polyhedron(nb::module_& m) {
       "Cut a cube about the origin by a few planes: vertices, starts and rings of faces, their rows, whether no face "
       "of the cube is left, and whether the faces close.");
   m.def(
-      "consistent_turns",
-      [](Array2<const Index, 3> simplices, Array2<const Index, 3> neighbours_of, Index first) {
-        Turns turns = without_lock(
-            [&](Stop& stop) { return consistent_turns(rows(simplices), rows(neighbours_of), first, stop); });
-        std::vector<std::uint8_t> alike(turns.alike.begin(), turns.alike.end());
-        return std::make_tuple(to_array(std::move(alike)), turns.all_reached);
-      },
-      array("simplices"), array("neighbours_of"), nb::arg("first"),
-      "Tell which triangles of a closed hull turn like the first (1 or 0), and whether all were reached.");
-  m.def(
-      "dual_faces",
-      [](Array2<const Index, 3> simplices, Array1<const bool> outward, Array1<const Index> vertex_ids, Index n_duals) {
-        Rings rings = without_lock(
-            [&](Stop& stop) { return dual_faces(rows(simplices), span(outward), span(vertex_ids), n_duals, stop); });
-        return std::make_tuple(to_array(std::move(rings.start)), to_array(std::move(rings.ring)), rings.all_closed);
-      },
-      array("simplices"), array("outward"), array("vertex_ids"), nb::arg("n_duals"),
-      "List the polygon of every dual point: starts, vertex ids in order, and whether all rings closed.");
-  m.def(
       "moments",
       [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const Index> ring) {
         const Moments found =

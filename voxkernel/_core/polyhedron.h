@@ -1,25 +1,10 @@
-// Faces, volume and moments of a convex polyhedron from the triangles of its dual hull.
+// Volume and moments of a convex polyhedron, and how well its corners lie on the planes of its faces.
 #pragma once
-
-#include <vector>
 
 #include "spans.h"
 #include "stop.h"
 
 namespace voxkernel {
-
-struct Turns {
-  std::vector<char> alike;
-  bool all_reached;
-};
-Turns consistent_turns(Triangles simplices, Triangles neighbours_of, Index first, Stop& stop);
-
-struct Rings {
-  std::vector<Index> start;
-  std::vector<Index> ring;
-  bool all_closed;
-};
-Rings dual_faces(Triangles simplices, Span<const bool> outward, Indices vertex_ids, Index n_duals, Stop& stop);
 
 struct Moments {
   double volume = 0.0;

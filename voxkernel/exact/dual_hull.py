@@ -8,19 +8,18 @@ from math import frexp
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import N_BINS, dual_hull, planes_reaching, solid_angle, tightest_by_direction
+from voxkernel._core import dual_hull, solid_angle
 from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.exact.inner_point import InnerPoint
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces.plane_passes import reaching_planes, tightest_planes
 
 __all__ = [
     "Polyhedron",
-    "Reach",
     "convex_surface",
     "polyhedron_around",
-    "reach_of",
     "relevant_rows",
 ]
 
@@ -90,7 +89,7 @@ def convex_surface(planes: HalfSpaces, point: InnerPoint) -> Polyhedron | None:
     faces = planes.corner_ids()
     if not (planes.is_triangulation and planes.bounds_volume):
         return None
-    if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces) < 2:
+    if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces, least=2) < 2:
         return None
     used = np.zeros(len(planes.vertices), np.bool_)
     used[faces.ravel()] = True
@@ -121,34 +120,12 @@ def relevant_rows(planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np
     n = len(planes)
     if n <= _CULL_ABOVE:
         return np.arange(n)
-    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-    tightest_by_direction(*arrays, point.local, np.inf, ids, slacks)
-    outer = polyhedron_around(planes, point, np.unique(np.concatenate([ids[ids >= 0], working_set])))
+    tight = np.unique(np.concatenate([tightest_planes(planes, point.local), working_set]))
+    outer = polyhedron_around(planes, point, tight)
     if outer is None:
         return np.arange(n)
     is_near = np.zeros(n, np.bool_)
     is_near[outer.rows] = True
-    is_near[reach_of(planes, outer, margin=1e-9 * outer.extent + outer.reach).rows] = True
+    margin = 1e-9 * outer.extent + outer.reach
+    is_near[reaching_planes(planes, outer.center, outer.vertices, margin=margin)[0]] = True
     return np.flatnonzero(is_near)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Reach(Frozen):
-    """Half-spaces not clear of a polyhedron, how far its corners pass each, and what rounding may add to that."""
-
-    rows: NDArray[np.int64]
-    excess: NDArray[np.float64]
-    pads: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
-
-
-def reach_of(planes: HalfSpaces, solid: Polyhedron, *, margin: float = 0.0) -> Reach:
-    """Hold all half-spaces against all corners of a polyhedron; those not listed are clear by `margin`, for certain."""
-    return Reach(
-        *planes_reaching(
-            planes.local_normals, planes.local_offsets, planes.local_errors, solid.center, solid.vertices, margin
-        )
-    )

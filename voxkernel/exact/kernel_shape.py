@@ -16,13 +16,13 @@ from voxkernel.exact.dual_hull import (
     Polyhedron,
     convex_surface,
     polyhedron_around,
-    reach_of,
     relevant_rows,
 )
 from voxkernel.exact.inner_point import inner_point
 from voxkernel.exact.meeting_points import RationalPoint, meeting_points
 from voxkernel.exact.rational_kernel import rational_kernel, rational_moments
 from voxkernel.halfspaces import Feasibility, HalfSpaces
+from voxkernel.halfspaces.plane_passes import reaching_planes
 from voxkernel.halfspaces.rational_program import deepest_rational_point
 
 __all__ = ["Shape", "flat_shape", "solid_shape"]
@@ -103,9 +103,9 @@ def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]
     is_out[rows] = False
     out = np.flatnonzero(is_out)
     if 2 * len(out) > len(planes):
-        near = reach_of(planes, solid, margin=solid.reach).rows
+        near = reaching_planes(planes, solid.center, solid.vertices, margin=solid.reach)[0]
         return near[is_out[near]]
-    return out[reach_of(planes.select(out), solid, margin=solid.reach).rows]
+    return out[reaching_planes(planes.select(out), solid.center, solid.vertices, margin=solid.reach)[0]]
 
 
 def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:

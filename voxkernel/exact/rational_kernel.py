@@ -12,10 +12,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import N_BINS, tightest_by_direction
 from voxkernel.exact.meeting_points import RationalPoint
 from voxkernel.exact.rational_clipping import RationalPolytope, clip_interval, clip_polygon
 from voxkernel.halfspaces import Feasibility, HalfSpaces
+from voxkernel.halfspaces.plane_passes import tightest_planes
 from voxkernel.halfspaces.predicates import exact_slacks
 
 __all__ = ["RationalKernel", "rational_kernel", "rational_moments"]
@@ -116,17 +116,7 @@ def _cutting_rows(
 def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
     assert inside.local_point is not None
-    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-    tightest_by_direction(
-        planes.local_normals,
-        planes.local_offsets,
-        planes.local_errors,
-        inside.local_point,
-        np.inf,
-        ids,
-        slacks,
-    )
-    return np.setdiff1d(ids[ids >= 0], rows)
+    return np.setdiff1d(tightest_planes(planes, inside.local_point), rows)
 
 
 def rational_moments(

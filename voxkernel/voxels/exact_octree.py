@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import N_BINS, clipped_polyhedron, planes_reaching, tightest_by_direction
+from voxkernel._core import clipped_polyhedron, planes_reaching
 from voxkernel.halfspaces import Feasibility, HalfSpaces
+from voxkernel.halfspaces.plane_passes import tightest_planes
 
 __all__ = ["rows_for_voxels"]
 
@@ -49,9 +50,7 @@ def rows_for_voxels(
         return everything
     beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
     arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-    tightest_by_direction(*arrays, point, np.inf, ids, slacks)
-    tight = np.unique(np.concatenate([ids[ids >= 0], inside.working_set]))
+    tight = np.unique(np.concatenate([tightest_planes(planes, point), inside.working_set]))
     distances = planes.local_offsets[tight] - planes.local_normals[tight] @ point
     outer, *_, is_closed, is_sound = clipped_polyhedron(planes.local_normals[tight], distances, _FAR)
     if not (is_closed and is_sound):
