@@ -1,6 +1,5 @@
 """Damaged files of every format: read, or refused in one line, in bounded time and memory (`fuzz.py` says how)."""
 
-import json
 import os
 import re
 import subprocess
@@ -9,47 +8,20 @@ from pathlib import Path
 
 import fuzz
 import pytest
+from fuzz_beside import INPUTS
 from fuzz_formats import FORMATS, Format
 
 HERE = Path(__file__).parent
-COUNTS = {"some": 500, "many": int(os.environ.get("VOXKERNEL_FUZZ_INPUTS", "10000"))}
-SEED = int(os.environ.get("VOXKERNEL_FUZZ_SEED", "0"))
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of a process as Linux has them")
-
-
-@pytest.fixture(scope="module")
-def states(request, tmp_path_factory):
-    """Results of the formats and counts that were asked for, from one process for all of a count."""
-    wanted = {"some": [], "many": []}
-    for item in request.session.items:
-        if getattr(item, "module", None) is request.module and hasattr(item, "callspec") and not _is_skipped(item):
-            params = item.callspec.params
-            if "name" in params and "amount" in params:
-                wanted[params["amount"]].append(params["name"])
-    found = {}
-    for amount, names in wanted.items():
-        if not names:
-            continue
-        out = tmp_path_factory.mktemp(amount)
-        words = ["--formats", ",".join(names), "--count", str(COUNTS[amount]), "--seed", str(SEED), "--out", str(out)]
-        done = subprocess.run([sys.executable, str(HERE / "fuzz.py"), *words], capture_output=True, text=True)
-        for name in names:
-            file = out / f"{name}-{SEED}.json"
-            found[name, amount] = json.loads(file.read_text()) if file.exists() else done.stdout + done.stderr
-    return found
-
-
-def _is_skipped(item):
-    return any(mark.name == "skip" for mark in item.iter_markers())
 
 
 @pytest.mark.parametrize("amount", ["some", pytest.param("many", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FORMATS)
-def test_damaged_files(name, amount, states):
-    state = states[name, amount]
+def test_damaged_files(name, amount, fuzzing):
+    state = fuzzing.state(name, amount)
     assert isinstance(state, dict), state
     assert not state["failures"], "\n".join([fuzz.summary(state), *fuzz.lines_of(state)])
-    assert state["next"] == COUNTS[amount]
+    assert state["next"] == INPUTS[amount]
     assert state["accepted"] > 0  # damage that is always seen at once tests nothing
     # There it costs a cell, a fact of a row, or a picture.
     assert state["refused"] > 0 or name in ("cell_folder", "report_rows", "report_view")
