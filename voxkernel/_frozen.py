@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
 from fractions import Fraction
 from functools import cache
-from operator import is_
+from operator import attrgetter, is_
 from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 __all__ = ["Frozen"]
 
 _LONGEST = 60  # characters of one value in a repr
-_NUMBERS = frozenset({*("bool", "int", "float", "str"), *map(str, (bool, int, float, str))})  # types of fields
+# Words of types of fields that hold no array.
+_NUMBERS = frozenset({"bool", "int", "float", "str", "None", "class", "tuple", "Fraction"})
 _PLAIN = frozenset({bool, int, float, str, type(None), Fraction, np.float64, np.int64})  # hold no array
 
 
@@ -34,16 +36,14 @@ class Frozen:
 
     def __post_init__(self) -> None:
         """Make arrays read-only: a view where the array may be the caller's."""
+        is_writeable, every, other = _given(type(self))
+        try:
+            names, values_of = every if any(is_writeable(self)) else other
+        except AttributeError:  # something else where an array belongs
+            names, values_of = every
         views: dict[int, NDArray[Any]] = {}
-        for name in _given(type(self)):
-            value = getattr(self, name)
-            kind = type(value)
-            if kind in _PLAIN:
-                continue
-            if kind is np.ndarray:
-                if not value.flags.writeable:
-                    continue
-            elif issubclass(kind, Frozen):
+        for name, value in zip(names, values_of(self), strict=True):
+            if _is_settled(type(value)):
                 continue
             held = _held(value, views)
             if held is not value:
@@ -59,10 +59,33 @@ class Frozen:
         return f"{type(self).__name__}({', '.join(shown)})"
 
 
+_Reader = Callable[[Any], tuple[Any, ...]]
+_Fields = tuple[tuple[str, ...], _Reader]
+
+
 @cache
-def _given(cls: type[Frozen]) -> tuple[str, ...]:
-    """The fields that the constructor takes and that can hold an array."""
-    return tuple(part.name for part in fields(cls) if part.init and str(part.type) not in _NUMBERS)
+def _given(cls: type[Frozen]) -> tuple[_Reader, _Fields, _Fields]:
+    """What reads whether arrays can be written; the fields that can hold an array and what reads them; no arrays."""
+    types = {part.name: str(part.type) for part in fields(cls) if part.init}
+    every = tuple(name for name, kind in types.items() if not _NUMBERS.issuperset(re.findall(r"\w+", kind)))
+    arrays = tuple(name for name in every if re.fullmatch(r"NDArray\[[\w.]+\]", types[name]))
+    other = tuple(name for name in every if name not in arrays)
+    flags = _reader(tuple(f"{name}.flags.writeable" for name in arrays))
+    return flags, (every, _reader(every)), (other, _reader(other))
+
+
+def _reader(names: tuple[str, ...]) -> _Reader:
+    """What reads all of some attributes at once."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    one = attrgetter(*names) if names else None
+    return lambda thing: () if one is None else (one(thing),)
+
+
+@cache
+def _is_settled(kind: type) -> bool:
+    """Whether what is of this type holds no array, or none that can be written."""
+    return kind in _PLAIN or issubclass(kind, Frozen)
 
 
 def _restored(cls: type, values: dict[str, Any]) -> Any:

@@ -7,12 +7,16 @@ No rival is asked; `beside_another.py` compares versions. Calls are warmed up, t
 
 import argparse
 import json
+import sys
 import time
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 from synthetic import bumpy, geodesic_sphere
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from shapes import subdivided, uv_sphere
 
 import voxkernel
 from voxkernel._core import exact_cells
@@ -137,7 +141,23 @@ def small_rows():
     ids = (faces + np.arange(n)[:, None, None] * len(vertices)).reshape(-1, 3)
     packed = PackedSurfaces(points, ids, np.arange(0, len(ids) + 1, len(faces)))
     one = voxkernel.as_mesh((points[: len(vertices)], faces))
+    cube = flat_cube(1)
+    found = {}
+    for size in (20, 50, 300, 1_000, 3_000, 10_000):
+        sphere, triangles = geodesic_sphere(size) if size != 50 else uv_sphere(5, 6)
+        mesh = voxkernel.as_mesh((sphere * rng.uniform(0.85, 1.15, (len(sphere), 1)), triangles))
+        name = f"exact_kernel, star of {len(triangles)} facets"
+        found[name] = seconds(lambda m=mesh: voxkernel.exact_kernel(m), max(10, 20_000 // size))
+    flat = subdivided(vertices, faces)
+    moved = [(flat[0] + 1e-8 * rng.normal(size=flat[0].shape), flat[1]) for _ in range(200)]
+    near = [voxkernel.as_mesh(surface) for surface in moved]
     return {
+        "exact_kernel, cube": seconds(lambda: voxkernel.exact_kernel(cube), 1000),
+        **found,
+        "exact_kernels, a surface of 80 facets that are nearly coplanar in fours": seconds(
+            lambda: voxkernel.exact_kernels(near)
+        )
+        / len(near),
         "exact_kernels, a surface of 20 facets, a fifth of them convex": seconds(
             lambda: voxkernel.exact_kernels(packed)
         )

@@ -104,6 +104,15 @@ def test_coplanar_groups_are_planes():
     assert cone[-1] == n  # though the same plane is that of a facet before they were moved
 
 
+@pytest.mark.parametrize("count", [1, 5, 30, 48])
+def test_first_of_planes(count, rng):
+    """The heads of the groups of some rows, which are those of the rows alone."""
+    planes = planes_of(lambda: shapes.subdivided(*shapes.cube()))
+    rows = np.sort(rng.permutation(len(planes))[:count])
+    groups = planes.select(rows).coplanar_groups()
+    assert planes.first_of_planes(rows).tolist() == rows[groups == np.arange(count)].tolist()
+
+
 def exact_groups(planes):
     """The first half-space of each oriented plane, by integers without common divisor."""
     first = {}

@@ -6,7 +6,7 @@ import shapes
 from hypothesis import given
 from hypothesis import strategies as st
 
-from voxkernel._core import boundary_is_zero, coordinate_range, facet_planes
+from voxkernel._core import boundary_is_zero, coordinate_range, facet_planes, least_spread, plane_frame
 
 
 @pytest.mark.parametrize("make", [shapes.cube, shapes.spiky, shapes.torus, shapes.open_box])
@@ -42,6 +42,41 @@ def test_coordinate_range(rng):
     assert (low == used.min(0)).all()
     assert (high == used.max(0)).all()
     assert smallest == np.abs(used[used != 0]).min()
+
+
+@pytest.mark.parametrize("shift", [0.0, 5e6])
+def test_plane_frame(shift, rng):
+    vertices = rng.normal(size=(50, 3)) * [1.0, 3.0, 0.1] + shift
+    faces = rng.integers(0, 49, (60, 3))
+    origin, scale, spans, largest, smallest = plane_frame(vertices, faces)
+    used = vertices[np.unique(faces)]
+    reach = np.linalg.norm(np.abs(used - origin).max(axis=0))
+    assert np.allclose(origin, (used.min(0) + used.max(0)) / 2, rtol=1e-15)
+    assert np.log2(scale) % 1 == 0
+    assert scale / 2 < reach <= scale
+    assert spans == tuple(np.ptp(used, axis=0))
+    assert largest == np.abs(used).max()
+    assert smallest == np.abs(used).min()
+    assert not origin.flags.writeable
+
+
+def test_the_scale_of_a_surface_is_the_least_power_of_two():
+    """Half diagonal 1: with room for rounding, 2; a little smaller, 1. Of a single point, 1."""
+    corners = np.array([[-1, 0, 0], [1, 0, 0], [0, 0, 0.0]])
+    faces = np.array([[0, 1, 2]])
+    assert [plane_frame(size * corners, faces)[1] for size in (1.0, 1 - 1e-9, 0.0, 2.0**-190)] == [2, 1, 1, 2.0**-189]
+
+
+@pytest.mark.parametrize("step", [1, 7])
+def test_least_spread_is_a_lower_bound(step, rng):
+    for squeeze in (1.0, 1e-3, 0.0):
+        normals = rng.normal(size=(60, 3)) * [1.0, 1.0, squeeze]
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        some = normals[::step]
+        values = np.linalg.eigvalsh(some.T @ some / len(some))
+        found = least_spread(normals, step)
+        assert found == pytest.approx(4 * values.prod(), rel=1e-9, abs=1e-15)
+        assert found <= values[0] + 1e-15
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 5)] * 3), min_size=1, max_size=30))

@@ -45,6 +45,26 @@ def test_every_row_is_what_exact_kernel_says(rng):
     assert {-1, 3} <= dimensions
 
 
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("noise", [0.0, 1e-13, 1e-10, 1e-7])
+def test_facets_that_are_nearly_coplanar(noise, times, rng):
+    """Flat facets cut in four, once or twice, and moved by a little: which planes meet is known, not guessed."""
+    vertices, faces = shapes.icosphere(0)
+    for _ in range(times):
+        vertices, faces = shapes.subdivided(vertices, faces)
+    surfaces = [(vertices + noise * rng.normal(size=vertices.shape), faces) for _ in range(4)]
+    table = exact_kernels(surfaces)
+    assert set(table.decided_by) <= {"convex", "interior point", "exact"}
+    if 1e-11 < noise and times == 1:  # too near for faces that are cut out one by one; a dual hull tells
+        assert "exact" not in table.decided_by
+    for i, surface in enumerate(surfaces):
+        kernel = voxkernel.exact_kernel(surface)
+        assert table.kernel_volume[i] == pytest.approx(kernel.volume, rel=1e-9)
+        assert kernel.volume_bounds[0] * (1 - 1e-9) <= table.kernel_volume[i] <= kernel.volume_bounds[1] * (1 + 1e-9)
+        assert table.inradius[i] == pytest.approx(kernel.clearance, rel=1e-9)
+        assert table.volume_share[i] <= 1.0
+
+
 def test_packed_arrays_and_threads_change_nothing(rng):
     surfaces = [*stars(rng, 700), *named()]
     meshes = [voxkernel.as_mesh(s) for s in surfaces]

@@ -363,11 +363,12 @@ def test_threads_do_not_change_a_bit(rng):
     assert one.facets == two.facets
 
 
-def test_cells_with_many_faces():
-    """More planes than the compiled loop takes."""
-    mesh = PolyhedralMesh.from_cells([as_cell(shapes.icosphere(2)), as_cell(shapes.spiky(2))])
+@pytest.mark.parametrize(("times", "decided_by"), [(2, ("convex", "interior point")), (3, ("exact", "exact"))])
+def test_cells_with_many_faces(times, decided_by):
+    """More planes than are cut one by one: a dual hull; and more than the compiled loop takes."""
+    mesh = PolyhedralMesh.from_cells([as_cell(shapes.icosphere(times)), as_cell(shapes.spiky(times))])
     found = cell_kernels(mesh)
-    assert found.decided_by == ("exact", "exact")
+    assert found.decided_by == decided_by
     assert found.volume_share[0] == 1.0
     assert_agrees(mesh, found)
 

@@ -53,6 +53,20 @@ Array2<T, N> to_rows(std::vector<T>&& values) {
   return Array2<T, N>(owned->data(), {owned->size() / N, static_cast<std::size_t>(N)}, owner);
 }
 
+// The same, read-only: what a result keeps as it is.
+template <typename T>
+Array1<const T> to_read_only(std::vector<T>&& values) {
+  auto* owned = new std::vector<T>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return Array1<const T>(owned->data(), {owned->size()}, owner);
+}
+template <nb::ssize_t N, typename T>
+Array2<const T, N> to_read_only_rows(std::vector<T>&& values) {
+  auto* owned = new std::vector<T>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return Array2<const T, N>(owned->data(), {owned->size() / N, static_cast<std::size_t>(N)}, owner);
+}
+
 // Set by the thread that waits for workers; their loops see it and stop.
 struct StopFlag {
   std::atomic<bool> is_set{false};

@@ -25,6 +25,16 @@ void bind_convexity(nb::module_& m) {
       },
       array("normals"), array("vertices"), array("corners"), array("explicit_planes"), nb::arg("is_cone") = false,
       "Name for each half-space the first one that is exactly coplanar with it and faces the same way.");
+  m.def(
+      "first_of_planes",
+      [](Array2<const double, 3> normals, Array2<const double, 3> vertices, Array2<const Index, 3> corners,
+         Array2<const double, 4> explicit_planes, bool is_cone, Array1<const Index> chosen) {
+        const PlaneSources sources{rows(vertices), rows(corners), rows(explicit_planes), is_cone};
+        return to_array(
+            without_lock([&](Stop& stop) { return first_of_planes(rows(normals), sources, span(chosen), stop); }));
+      },
+      array("normals"), array("vertices"), array("corners"), array("explicit_planes"), nb::arg("is_cone"),
+      array("rows"), "Of the half-spaces of ascending rows, the first on each plane.");
 }
 
 }  // namespace voxkernel

@@ -27,6 +27,25 @@ void bind_planes(nb::module_& m) {
       array("vertices"), array("faces"),
       "Of the vertices in use: lower and upper corner of the bounding box, and the smallest magnitude but zero.");
   m.def(
+      "plane_frame",
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces) {
+        const PlaneFrame found =
+            without_lock([&](Stop& stop) { return plane_frame(rows(vertices), rows(faces), stop); });
+        return std::make_tuple(to_read_only(std::vector<double>(found.origin, found.origin + 3)), found.scale,
+                               std::make_tuple(found.span[0], found.span[1], found.span[2]), found.largest,
+                               found.smallest);
+      },
+      array("vertices"), array("faces"),
+      "The local frame of the vertices in use: origin, scale, spans along the axes, the largest magnitude and the "
+      "smallest but zero.");
+  m.def(
+      "least_spread",
+      [](Array2<const double, 3> normals, Index step) {
+        return without_lock([&](Stop& stop) { return least_spread(rows(normals), step, stop); });
+      },
+      array("normals"), nb::arg("step"),
+      "A lower bound of the mean square of unit normals along any direction, of every `step`-th, up to rounding.");
+  m.def(
       "boundary_is_zero",
       [](Array2<const Index, 3> faces, Index n_vertices) {
         return without_lock([&](Stop& stop) { return boundary_is_zero(rows(faces), n_vertices, stop); });

@@ -119,6 +119,9 @@ FaceCutter::FaceCutter(Index most)
       alike_(most),
       p_(most),
       q_(most),
+      square_(most),
+      right_(most),
+      right_square_(most),
       shared_(most * most) {}
 
 void FaceCutter::Polygon::reserve(Index n) {
@@ -148,53 +151,104 @@ void FaceCutter::sort_by_slack(const HalfSpaceColumns& planes, const double* cen
   }
 }
 
-// All normals in an orthonormal frame of plane i (Duff et al. 2017).
+// All planes as half-planes p x + q y <= right of plane i, in an orthonormal frame of it (Duff et al. 2017).
 void FaceCutter::project(Index i) {
-  const double nx = x_[i], ny = y_[i], nz = z_[i];
+  const double nx = x_[i], ny = y_[i], nz = z_[i], own = slack_[i];
   const double sign = nz >= 0.0 ? 1.0 : -1.0;
   const double a = -1.0 / (sign + nz), b = nx * ny * a;
   const double ux = 1.0 + sign * nx * nx * a, uy = sign * b, uz = -sign * nx;
   const double vx = b, vy = sign + ny * ny * a, vz = -ny;
   const double frame[2][3] = {{ux, uy, uz}, {vx, vy, vz}};
   std::copy(&frame[0][0], &frame[0][0] + 6, &frame_[0][0]);
-  const double *x = x_.data(), *y = y_.data(), *z = z_.data();
+  const double *x = x_.data(), *y = y_.data(), *z = z_.data(), *slack = slack_.data();
   double *alike = alike_.data(), *p = p_.data(), *q = q_.data();
-  for (Index j = 0; j < n_; ++j) {
+  double *square = square_.data(), *right = right_.data(), *right_square = right_square_.data();
+  const Index n = n_;
+  for (Index j = 0; j < n; ++j) {
     alike[j] = nx * x[j] + ny * y[j] + nz * z[j];
     p[j] = x[j] * ux + y[j] * uy + z[j] * uz;
     q[j] = x[j] * vx + y[j] * vy + z[j] * vz;
   }
+  for (Index j = 0; j < n; ++j) {
+    square[j] = p[j] * p[j] + q[j] * q[j];
+    right[j] = slack[j] - own * alike[j];
+    right_square[j] = right[j] > 0.0 ? right[j] * right[j] : -1.0;
+  }
 }
 
-// How many corners of the polygon are beyond plane j; by how much is in `values_`.
-Index FaceCutter::side_of_corners(Index j, double right) {
+// How many corners of the polygon are beyond plane j; by how much is in `values_`, which of the first 64 in `beyond_`.
+Index FaceCutter::side_of_corners(Index j) {
+  const Index n = polygon_.size;
+  if (static_cast<Index>(values_.size()) < n) values_.resize(2 * n);
+  const double p = p_[j], q = q_[j], right = right_[j];
+  const double *x = polygon_.x.data(), *y = polygon_.y.data();
+  double* values = values_.data();
   Index outside = 0;
-  for (Index k = 0; k < polygon_.size; ++k) {
-    values_[k] = p_[j] * polygon_.x[k] + q_[j] * polygon_.y[k] - right;
-    if (values_[k] > 0.0) ++outside;
+  std::uint64_t beyond = 0;
+  for (Index k = 0; k < n; ++k) {
+    values[k] = p * x[k] + q * y[k] - right;
+    const std::uint64_t is_beyond = values[k] > 0.0 ? 1 : 0;
+    outside += static_cast<Index>(is_beyond);
+    beyond |= is_beyond << (k & 63);
   }
+  beyond_ = beyond;
   return outside;
+}
+
+// Puts the corner of the edge from a corner to the next on plane j behind those of `next_`.
+void FaceCutter::push_crossing(Index from, Index to, Index name) {
+  const double t = values_[from] / (values_[from] - values_[to]);
+  next_.push(polygon_.x[from] + t * (polygon_.x[to] - polygon_.x[from]),
+             polygon_.y[from] + t * (polygon_.y[to] - polygon_.y[from]), name);
+}
+
+void FaceCutter::push_corners(Index first, Index last) {
+  const Index at = next_.size - first;
+  for (Index k = first; k < last; ++k) {
+    next_.x[at + k] = polygon_.x[k];
+    next_.y[at + k] = polygon_.y[k];
+    next_.label[at + k] = polygon_.label[k];
+  }
+  next_.size += last - first;
 }
 
 // Leaves what is behind plane j. A cut adds one corner to a convex polygon; a polygon that rounding has bent may be
 // cut more than once, but never to more than twice its corners.
-void FaceCutter::cut_polygon(Index j) {
-  next_.reserve(2 * polygon_.size);
+void FaceCutter::cut_polygon(Index j, Index outside) {
+  const Index n = polygon_.size;
+  next_.reserve(2 * n);
   next_.size = 0;
-  Index before = polygon_.size - 1;
-  for (Index k = 0; k < polygon_.size; ++k) {
-    const double value = values_[k], last = values_[before];
-    if ((value > 0.0) != (last > 0.0)) {
-      const double t = last / (last - value);
-      // Leaving the half-space, the new edge runs along plane j; entering, the old one goes on.
-      next_.push(polygon_.x[before] + t * (polygon_.x[k] - polygon_.x[before]),
-                 polygon_.y[before] + t * (polygon_.y[k] - polygon_.y[before]),
-                 value > 0.0 ? j : polygon_.label[before]);
+  // Corners beyond are one run: the new edge runs along plane j where it begins, the old one goes on where it ends.
+  const std::uint64_t before = beyond_ << 1 | (beyond_ >> (n - 1) & 1);
+  const std::uint64_t starts = beyond_ & ~before;
+  if (n < 64 && (starts & (starts - 1)) == 0) {
+    Index first = 0;
+    while ((starts >> first & 1) == 0) ++first;
+    const Index last = first + outside, ends = last < n ? last : last - n;
+    const Index inner = first == 0 ? n - 1 : first - 1, outer = ends == 0 ? n - 1 : ends - 1;
+    if (last < n) {
+      push_corners(0, first);
+      push_crossing(inner, first, j);
+      push_crossing(outer, ends, polygon_.label[outer]);
+      push_corners(ends, n);
+    } else {
+      push_crossing(outer, ends, polygon_.label[outer]);
+      push_corners(ends, first);
+      push_crossing(inner, first, j);
     }
-    if (value <= 0.0) next_.push(polygon_.x[k], polygon_.y[k], polygon_.label[k]);
-    before = k;
+  } else {
+    Index last = n - 1;
+    for (Index k = 0; k < n; last = k++) {
+      const bool is_beyond = values_[k] > 0.0;
+      if (is_beyond != (values_[last] > 0.0)) push_crossing(last, k, is_beyond ? j : polygon_.label[last]);
+      if (!is_beyond) push_corners(k, k + 1);
+    }
   }
   std::swap(polygon_, next_);
+  reach_ = 0.0;
+  for (Index k = 0; k < polygon_.size; ++k) {
+    reach_ = std::max(reach_, polygon_.x[k] * polygon_.x[k] + polygon_.y[k] * polygon_.y[k]);
+  }
 }
 
 // Cuts the polygon of plane i out of a square; false where nothing is left.
@@ -207,26 +261,20 @@ bool FaceCutter::cut_face(Index i, double same) {
   polygon_.push(-kSquare, -kSquare, -1);
   polygon_.push(kSquare, -kSquare, -1);
   reach_ = 2.0 * kSquare * kSquare;
+  const double *square = square_.data(), *right_square = right_square_.data();
   for (Index j = 0; j < n_; ++j) {
     if (j == i) continue;
-    const double square = p_[j] * p_[j] + q_[j] * q_[j];
-    if (square < same * same && alike_[j] > 0.0) {
+    if (square[j] < same * same && alike_[j] > 0.0) {
       const double gap = slack_[j] - slack_[i];
       if (gap < -same || (gap <= same && j < i)) return false;
       continue;
     }
-    const double right = slack_[j] - slack_[i] * alike_[j];
-    if (right > 0.0 && right * right > reach_ * square) continue;
-    if (static_cast<Index>(values_.size()) < polygon_.size) values_.resize(2 * polygon_.size);
-    const Index outside = side_of_corners(j, right);
+    if (right_square[j] > reach_ * square[j]) continue;
+    const Index outside = side_of_corners(j);
     if (outside == 0) continue;
     if (outside == polygon_.size) return false;
-    cut_polygon(j);
+    cut_polygon(j, outside);
     if (polygon_.size < 3) return false;
-    reach_ = 0.0;
-    for (Index k = 0; k < polygon_.size; ++k) {
-      reach_ = std::max(reach_, polygon_.x[k] * polygon_.x[k] + polygon_.y[k] * polygon_.y[k]);
-    }
   }
   return true;
 }

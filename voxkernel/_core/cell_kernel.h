@@ -1,6 +1,7 @@
 // The kernel of one small cell: proof that it is empty, proof that it is the cell, its volume otherwise.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "cell_gather.h"
@@ -64,18 +65,22 @@ class FaceCutter {
   void sort_by_slack(const HalfSpaceColumns& planes, const double* center);
   void project(Index i);
   bool cut_face(Index i, double same);
-  Index side_of_corners(Index j, double right);
-  void cut_polygon(Index j);
+  Index side_of_corners(Index j);
+  void push_crossing(Index from, Index to, Index name);
+  void push_corners(Index first, Index last);
+  void cut_polygon(Index j, Index outside);
   void widen(Index i, double* box) const;
 
   Index n_ = 0;
   std::vector<Index> order_;
   std::vector<double> slack_, x_, y_, z_;  // the planes, nearest first
-  std::vector<double> alike_, p_, q_;      // their normals in the frame of the plane at work
+  // Their normals in the frame of the plane at work, and the half-planes p x + q y <= right that they are there.
+  std::vector<double> alike_, p_, q_, square_, right_, right_square_;
   double frame_[2][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   Polygon polygon_, next_;
   double reach_ = 0.0;  // largest squared distance of a corner from the foot of the centre
   std::vector<double> values_, shared_;
+  std::uint64_t beyond_ = 0;
 };
 
 }  // namespace voxkernel

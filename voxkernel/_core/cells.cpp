@@ -4,11 +4,15 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "cell_kernel.h"
 #include "cell_planes.h"
+#include "coplanar.h"
 #include "deepest_point.h"
+#include "dual_hull.h"
 #include "planes.h"
+#include "solid_measures.h"
 
 namespace voxkernel {
 namespace {
@@ -28,7 +32,9 @@ enum Outcome : Index {
 
 constexpr double kUnitRoundoff = 0x1p-53;
 constexpr double kPi = 3.14159265358979323846;
-constexpr Index kMaxPlanes = 256;   // more go to the general code, which is faster there
+constexpr Index kMaxPlanes = 1024;  // more go to the general code, which is faster there
+constexpr Index kMaxCut = 64;       // faces of more are not cut one by one: the dual hull is faster
+constexpr int kFarCube = 3;         // half edge, a power of two in units of the frame, that no kernel reaches
 constexpr double kThin = 1e-4;      // kernels with less depth for their size are left to the general code
 constexpr double kRounding = 1e-9;  // largest relative error of a volume
 constexpr double kNearly = 1e-11;
@@ -44,6 +50,8 @@ class CellSolver {
   bool set_planes();
   Outcome solve_empty(double volume, Index* witness) const;
   Outcome solve_solid(double volume, double* numbers, double* center);
+  double cut_volume(const double* center, double depth);
+  double hull_volume(const double* center, double depth) const;
 
   const CellMesh& mesh_;
   Span<const bool> flips_;
@@ -79,7 +87,7 @@ CellSolver::CellSolver(const CellMesh& mesh, Span<const bool> flips, CellSizes l
       errors_(offsets_.size()),
       planes_(std::min(largest.corners, kMaxPlanes)),
       convexity_(largest.corners),
-      cutter_(std::min(largest.corners, kMaxPlanes)) {}
+      cutter_(std::min(largest.corners, kMaxCut)) {}
 
 // The planes of the cell in its frame, without triangles with two equal corners, which have none; false where one needs
 // exact arithmetic.
@@ -172,19 +180,57 @@ Outcome CellSolver::solve_solid(double volume, double* numbers, double* center) 
     }
   }
   if (kernel < 0.0) {
-    stop_.poll(4 * planes_.size * planes_.size);
-    const auto [cut, extent, misfit] = cutter_.cut(planes_, best, kNearly * depth);
-    const bool is_wrong = misfit < 0.0 || misfit * extent * extent > kRounding * cut;
-    if (is_wrong || depth < kThin * extent || kUnitRoundoff * extent * extent > kRounding * depth * depth) {
-      return kUndecided;
-    }
-    kernel = cut;
+    if (planes_.size <= kMaxCut) kernel = cut_volume(best, depth);
+    if (kernel < 0.0) kernel = hull_volume(best, depth);
+    if (kernel < 0.0) return kUndecided;
   }
   const double scale = frame_.scale;
   numbers[2] = kernel * scale * scale * scale;
   numbers[3] = depth * scale;
   for (int axis = 0; axis < 3; ++axis) center[axis] = best[axis] * scale + frame_.origin[axis];
   return is_convex ? kConvex : kSolid;
+}
+
+// Of the faces, each cut out of its plane; negative where they do not fit together, or the kernel is thin.
+double CellSolver::cut_volume(const double* center, double depth) {
+  stop_.poll(4 * planes_.size * planes_.size);
+  const auto [volume, extent, misfit] = cutter_.cut(planes_, center, kNearly * depth);
+  const bool is_wrong = misfit < 0.0 || misfit * extent * extent > kRounding * volume;
+  if (is_wrong || depth < kThin * extent || kUnitRoundoff * extent * extent > kRounding * depth * depth) return -1.0;
+  return volume;
+}
+
+// Of the dual hull, where it is known which planes meet where however near to one another they are; negative where the
+// kernel is thin. `center` is strictly inside; the bounds are those of `kernel_shape.py`.
+double CellSolver::hull_volume(const double* center, double depth) const {
+  const Index n = planes_.size;
+  std::vector<double> normals(3 * n);
+  for (Index p = 0; p < n; ++p) {
+    normals[3 * p] = planes_.x[p];
+    normals[3 * p + 1] = planes_.y[p];
+    normals[3 * p + 2] = planes_.z[p];
+  }
+  const double scale = frame_.scale;
+  double terms[6];
+  for (int axis = 0; axis < 3; ++axis) {
+    terms[axis] = frame_.origin[axis];
+    terms[3 + axis] = center[axis] * scale;
+  }
+  const LocalPlanes local{
+      {normals.data(), n}, {planes_.offset.data(), n}, {planes_.error.data(), n}, center, 0.0, scale};
+  const PlaneSource source{cell_.points(), {polygons_.corners.data(), n}, {}, {terms, 2}};
+  const PlaneSources sources{source.vertices, source.corners, {}, false};
+  std::vector<Index> rows(n);
+  std::iota(rows.begin(), rows.end(), Index{0});
+  rows = first_of_planes(local.normals, sources, rows, stop_);
+  const HullPolytope hull = dual_hull(local, source, rows, std::ilogb(scale) + kFarCube, stop_);
+  if (!hull.is_inside || !hull.is_closed) return -1.0;
+  const Points vertices{hull.vertices.data(), static_cast<Index>(hull.vertices.size() / 3)};
+  const SolidMeasures found =
+      solid_measures(local.normals, local.offsets, center, vertices, hull.start, hull.ring, hull.rows, stop_);
+  const double clearance = std::max(depth, found.clearance), slenderness = found.extent / clearance;
+  const double rounding = 8.0 * hull.vertex_error / clearance + kUnitRoundoff * slenderness * slenderness + 1e-14;
+  return clearance < kThin * found.extent || rounding > kRounding ? -1.0 : found.volume;
 }
 
 }  // namespace

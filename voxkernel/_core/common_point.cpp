@@ -24,7 +24,7 @@ Vector cross(const Vector& u, const Vector& v) {
 }  // namespace
 
 const CommonPoints::Plane& CommonPoints::plane(Index place) {
-  Plane& found = cache_[place % kCached];
+  Plane& found = cache_[static_cast<std::size_t>(place) & (cache_.size() - 1)];
   if (found.place == place) return found;
   found.place = place;
   const Index* corners = source_.corners[rows_[place]];

@@ -11,7 +11,11 @@ namespace voxkernel {
 
 class CommonPoints {
  public:
-  CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows), cache_(kCached) {}
+  CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows) {
+    std::size_t size = 16;
+    while (size < kCached && size < static_cast<std::size_t>(rows.size())) size *= 2;
+    cache_.resize(size);
+  }
 
   // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each
   // coordinate; infinity where there is none.
@@ -25,14 +29,14 @@ class CommonPoints {
     double n_size = 0.0;  // 1-norm
     double n_error = 0.0, s_error = 0.0;
   };
-  static constexpr Index kCached = 1024;
+  static constexpr std::size_t kCached = 1024;
   const Plane& plane(Index place);
   void from_corners(const Index* corners, Plane& plane) const;
   void from_given(const double* row, Plane& plane) const;
 
   PlaneSource source_;
   Indices rows_;
-  std::vector<Plane> cache_;  // by place, the last one asked for
+  std::vector<Plane> cache_;  // by place, the last one asked for; a power of two of them
 };
 
 }  // namespace voxkernel

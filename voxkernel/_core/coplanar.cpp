@@ -238,4 +238,27 @@ std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, 
   return groups;
 }
 
+std::vector<Index> first_of_planes(Points normals, const PlaneSources& sources, Indices rows, Stop& stop) {
+  std::vector<Index> groups;
+  if (rows.size() == normals.size()) {
+    groups = coplanar_groups(normals, sources, stop);
+  } else {
+    std::vector<double> some_normals(static_cast<std::size_t>(3) * rows.size());
+    std::vector<Index> some_corners(static_cast<std::size_t>(3) * rows.size());
+    for (Index i = 0; i < rows.size(); ++i) {
+      std::copy_n(normals[rows[i]], 3, some_normals.data() + 3 * i);
+      std::copy_n(sources.corners[rows[i]], 3, some_corners.data() + 3 * i);
+    }
+    PlaneSources some = sources;
+    some.corners = {some_corners.data(), rows.size()};
+    groups = coplanar_groups({some_normals.data(), rows.size()}, some, stop);
+  }
+  std::vector<Index> found;
+  found.reserve(groups.size());
+  for (Index i = 0; i < rows.size(); ++i) {
+    if (groups[i] == i) found.push_back(rows[i]);
+  }
+  return found;
+}
+
 }  // namespace voxkernel

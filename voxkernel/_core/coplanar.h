@@ -16,5 +16,7 @@ struct PlaneSources {
 };
 
 std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, Stop& stop);
+// Of some half-spaces, given by ascending rows, the first on each plane.
+std::vector<Index> first_of_planes(Points normals, const PlaneSources& sources, Indices rows, Stop& stop);
 
 }  // namespace voxkernel

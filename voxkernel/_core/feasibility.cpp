@@ -25,12 +25,12 @@ std::vector<Index> first_rows(Index n) {
 }
 
 // Those of `ids` that are not yet in the working set, sorted; -1 is no id.
-std::vector<Index> new_rows(std::vector<Index> ids, std::vector<Index> rows) {
-  std::sort(ids.begin(), ids.end());
+std::vector<Index> new_rows(const std::vector<Index>& ids, std::vector<Index> rows) {
+  std::vector<Index> tight, fresh;
+  std::copy_if(ids.begin(), ids.end(), std::back_inserter(tight), [](Index id) { return id >= 0; });
+  std::sort(tight.begin(), tight.end());
   std::sort(rows.begin(), rows.end());
-  std::vector<Index> fresh;
-  std::set_difference(std::lower_bound(ids.begin(), ids.end(), 0), ids.end(), rows.begin(), rows.end(),
-                      std::back_inserter(fresh));
+  std::set_difference(tight.begin(), tight.end(), rows.begin(), rows.end(), std::back_inserter(fresh));
   return fresh;
 }
 

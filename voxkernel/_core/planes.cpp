@@ -203,6 +203,45 @@ Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
   return box;
 }
 
+PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
+  const Box box = coordinate_range(vertices, faces, stop);
+  PlaneFrame frame{};
+  frame.smallest = box.smallest;
+  double square = 0.0;
+  for (int k = 0; k < 3; ++k) {
+    const double low = box.low[k], high = box.high[k];
+    frame.span[k] = high - low;
+    frame.largest = std::max({frame.largest, std::abs(low), std::abs(high)});
+    frame.origin[k] = low + 0.5 * frame.span[k];
+    const double half = std::max(high - frame.origin[k], frame.origin[k] - low);
+    square += half * half;
+  }
+  // The smallest power of two that is at least the radius, with room for its rounding.
+  int exponent = 0;
+  const double mantissa = std::frexp(std::sqrt(square) * (1.0 + 1e-12), &exponent);
+  frame.scale = mantissa == 0.0 ? 1.0 : std::ldexp(1.0, mantissa == 0.5 ? exponent - 1 : exponent);
+  return frame;
+}
+
+double least_spread(Points normals, Index step, Stop& stop) {
+  double xx = 0.0, xy = 0.0, xz = 0.0, yy = 0.0, yz = 0.0, zz = 0.0;
+  Index count = 0;
+  for (Index i = 0; i < normals.size(); i += step, ++count) {
+    stop.poll();
+    const double* n = normals[i];
+    xx += n[0] * n[0];
+    xy += n[0] * n[1];
+    xz += n[0] * n[2];
+    yy += n[1] * n[1];
+    yz += n[1] * n[2];
+    zz += n[2] * n[2];
+  }
+  // The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
+  const double determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+  const double total = static_cast<double>(count);
+  return 4.0 * determinant / (total * total * total);
+}
+
 // Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 // Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
 bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop) {

@@ -12,9 +12,21 @@ struct Box {
   double smallest;  // the smallest magnitude but zero
 };
 
+// The local frame of a surface: corners have length at most 1 in (x - origin) / scale.
+struct PlaneFrame {
+  double origin[3];  // the middle of the box
+  double scale;      // a power of two
+  double span[3];    // of the box
+  double largest;    // magnitude of a coordinate
+  double smallest;   // the smallest magnitude but zero
+};
+
 Index facet_planes(Points vertices, Triangles corners, const double* origin, double inverse_scale,
                    Rows<double, 3> normals, Span<double> offsets, Span<double> areas, Span<double> errors, Stop& stop);
 Box coordinate_range(Points vertices, Triangles faces, Stop& stop);
+PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop);
+// A lower bound of the mean square of unit normals along any direction, of every `step`-th, up to rounding.
+double least_spread(Points normals, Index step, Stop& stop);
 bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop);
 
 }  // namespace voxkernel

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
 from typing import Any, Literal
@@ -15,7 +16,7 @@ from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks, touched_and_violated
 from voxkernel.halfspaces.rational_program import as_integers, rank_of
 
-__all__ = ["Certificate", "certify", "certify_unclipped"]
+__all__ = ["Certificate", "Proof"]
 
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 
@@ -137,11 +138,40 @@ def _common_denominator(values: list[Fraction]) -> int:
     return product
 
 
-def certify(planes: HalfSpaces, inside: Feasibility, corners: list[RationalPoint]) -> Certificate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Proof(Frozen):
+    """What a certificate is made of when somebody asks for it.
+
+    `corners` are those of a flat kernel, in lattice coordinates, where it `is_own`; otherwise the half-spaces are those
+    without a domain, whose kernel may have no end, and points of a flat one are found.
+    """
+
+    planes: HalfSpaces
+    inside: Feasibility
+    corners: tuple[tuple[Fraction, Fraction, Fraction], ...]
+    is_own: bool
+    _certificate: Certificate | None = field(init=False, default=None)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Made at first use and kept."""
+        if self._certificate is None:
+            made = (
+                _certify(self.planes, self.inside, self.corners)
+                if self.is_own
+                else _certify_unclipped(self.planes, self.inside)
+            )
+            object.__setattr__(self, "_certificate", made)
+            return made
+        return self._certificate
+
+
+def _certify(planes: HalfSpaces, inside: Feasibility, corners: Sequence[RationalPoint]) -> Certificate:
     """Assemble the proof of the dimension from what feasibility and the corners know."""
     dimension = inside.dimension
-    if dimension == 3 and inside.point is not None:
-        return Certificate("solid", 3, (), (), (planes.lattice_to_world(inside.point),), planes, ())
+    point = inside.point
+    if dimension == 3 and point is not None:
+        return Certificate("solid", 3, (), (), (planes.lattice_to_world(point),), planes, ())
     witness = inside.witnesses[-1]
     facet_ids = tuple(int(planes.facet_ids[i]) for i in witness.ids)
     points: tuple[Any, ...] = ()
@@ -156,20 +186,21 @@ def certify(planes: HalfSpaces, inside: Feasibility, corners: list[RationalPoint
     return Certificate(kind, dimension, facet_ids, witness.multipliers, points, planes, witness.ids)
 
 
-def certify_unclipped(halfspaces: HalfSpaces, unclipped: Feasibility) -> Certificate:
+def _certify_unclipped(halfspaces: HalfSpaces, unclipped: Feasibility) -> Certificate:
     """Prove the dimension without the domain; a flat kernel is cut out in a cube if it is unbounded."""
     if unclipped.dimension in (-1, 3):
-        return certify(halfspaces, unclipped, [])
-    assert unclipped.point is not None
-    corners: list[RationalPoint] = [unclipped.point]
+        return _certify(halfspaces, unclipped, [])
+    point = unclipped.point
+    assert point is not None
+    corners: list[RationalPoint] = [point]
     unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
     # The point is in the relative interior: go a little way along each direction.
     for w in unclipped.directions:
         step = unit / max(map(abs, w))
         while True:
-            corner = tuple(u + step * v for u, v in zip(unclipped.point, w, strict=True))
+            corner = tuple(u + step * v for u, v in zip(point, w, strict=True))
             if not len(touched_and_violated(halfspaces, corner)[1]):
                 break
             step /= 4096
         corners.append((corner[0], corner[1], corner[2]))
-    return certify(halfspaces, unclipped, corners)
+    return _certify(halfspaces, unclipped, corners)

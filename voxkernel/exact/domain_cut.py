@@ -28,11 +28,13 @@ def without_domain(halfspaces: HalfSpaces, planes: HalfSpaces, inside: Feasibili
 
     `planes` are the half-spaces and those of the domain, `inside` is what is known of them.
     """
-    if inside.dimension < 3 or inside.point is None:
+    if inside.dimension < 3:
         return find_feasibility(halfspaces)
     own = inside.working_set[inside.working_set < len(halfspaces)]
-    point = halfspaces.world_to_lattice(planes.lattice_to_world(inside.point))
-    return replace(inside, point=point, working_set=own)
+    point = inside.exact_point
+    if point is not None:
+        point = halfspaces.world_to_lattice(planes.lattice_to_world(point))
+    return replace(inside, halfspaces=halfspaces, exact_point=point, working_set=own)
 
 
 def is_cut(
@@ -43,7 +45,7 @@ def is_cut(
     vertices: NDArray[np.float64],
     rows: NDArray[np.int64],
 ) -> bool:
-    """Whether a part of the kernel lies beyond one of the planes of the domain.
+    """Whether a part of the kernel, with these corners, lies beyond one of the planes of the domain.
 
     `rows` are those of the faces, the rows of the domain last. A face names the first half-space of its plane, so a
     solid kernel with a face of the domain goes on beyond it, and one without is what its own half-spaces leave.
@@ -53,11 +55,10 @@ def is_cut(
     if inside.dimension == 3:
         return bool((rows >= len(halfspaces)).any())
     outer = HalfSpaces.from_planes(domain.normals, domain.offsets)
-    reach = 1e-9 * halfspaces.scale * max(1.0, float(np.abs(vertices).max()))
-    world = halfspaces.to_world(vertices)
-    step = max(1, _MOST // len(world))
+    reach = 1e-9 * max(halfspaces.scale, float(np.abs(vertices - halfspaces.origin).max()))
+    step = max(1, _MOST // len(vertices))
     for first in range(0, len(outer), step):
-        height = outer.normals[first : first + step] @ world.T - outer.offsets[first : first + step, None]
+        height = outer.normals[first : first + step] @ vertices.T - outer.offsets[first : first + step, None]
         for j in (first + np.flatnonzero(height.max(axis=1) >= -reach)).tolist():
             beyond = halfspaces.with_planes(-domain.normals[j : j + 1], -domain.offsets[j : j + 1])
             found = find_feasibility(beyond)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import frexp
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import dual_hull, solid_angle
-from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.exact.inner_point import InnerPoint
@@ -29,8 +28,7 @@ _CULL_ABOVE = 3000
 _CUBES = (3, 28, 300, 20_000)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Polyhedron(Frozen):
+class Polyhedron(NamedTuple):
     """A bounded convex polyhedron: vertices relative to `center`, rings of vertex ids, row of each ring.
 
     `center` and `vertices` are in local coordinates, the latter off by at most `error`; the planes of the three
@@ -45,9 +43,6 @@ class Polyhedron(Frozen):
     ring: NDArray[np.int64]
     rows: NDArray[np.int64]
 
-    def __post_init__(self) -> None:
-        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
-
     @property
     def extent(self) -> float:
         """Largest distance of a vertex from the centre."""
@@ -60,18 +55,20 @@ class Polyhedron(Frozen):
 
 
 def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.int64]) -> Polyhedron | None:
-    """Intersect some of the half-spaces about a point strictly inside them; None where that is unbounded.
+    """Intersect some of the half-spaces, given by ascending rows, about a point strictly inside; None if unbounded.
 
     Notes
     -----
-    The convex hull of the dual points n / (d - n . x): a plane of it is a vertex, a point of it a face. Which planes
-    meet where is decided exactly. A cube far away closes what is open.
+    The convex hull of the dual points n / (d - n . x): a plane of it is a vertex, a point of it a face. Half-spaces on
+    one plane are one, named by the first. Which planes meet where is decided exactly. A cube far away closes what is
+    open.
     """
     exponent = frexp(planes.scale)[1] - 1
     for cube in _CUBES:
         is_inside, is_closed, vertices, vertex_rows, error, start, ring, faces, _ = dual_hull(
             planes.local_normals, planes.local_offsets, planes.local_errors, point.local, point.error, planes.scale,
-            planes.vertices, planes.corner_ids(), planes.given_planes(), point.terms, rows, exponent + cube,
+            planes.vertices, planes.corner_ids(), planes.given_planes(), point.terms, planes.is_cone, rows,
+            exponent + cube,
         )  # fmt: skip
         if not is_inside:
             raise SolverError("the inner point lies on a half-space or outside")

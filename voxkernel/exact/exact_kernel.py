@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from voxkernel._checks import as_depth, read_only
-from voxkernel.exact.certificate import certify, certify_unclipped
+from voxkernel.exact.certificate import Proof
 from voxkernel.exact.domain_cut import is_bounded, is_cut, without_domain
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, flat_shape, solid_shape
@@ -17,8 +17,6 @@ from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_a
 
 __all__ = ["exact_kernel", "kernel_of_halfspaces"]
 
-# Above what a number below the normal range of doubles loses, several times over.
-_LEAST = 2.0**-1070
 # Facets whose planes are looked at to see whether sides are flat.
 _SAMPLE = 512
 
@@ -84,72 +82,58 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
     unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)
-    point = unclipped.local_point
-    clip: dict[str, Any] = {
-        "domain": domain,
-        "unclipped_dimension": unclipped.dimension,
-        "unclipped_point": None if point is None else halfspaces.to_world(point),
-    }
     if inside.dimension < 0:
-        certificate = certify(planes, inside, [])
+        proof = Proof(planes, inside, (), is_own=True)
         return _empty_kernel(
-            certificate=certificate,
             cut_by_domain=unclipped.dimension >= 0,
             is_bounded=unclipped.dimension < 0 or is_bounded(halfspaces),
-            unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
-            **clip,
+            domain=domain,
+            unclipped_dimension=unclipped.dimension,
+            _proof=proof,
+            _unclipped_proof=proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False),
         )
     shape = _solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
-    certificate = certify(planes, inside, shape.corners)
-    scale = planes.scale
-    volume = shape.volume * scale**3
+    proof = Proof(planes, inside, shape.corners, is_own=True)
     return KernelPolytope(
         dimension=inside.dimension,
-        vertices=read_only(planes.to_world(shape.vertices)),
-        face_starts=read_only(shape.face_starts),
-        face_vertices=read_only(shape.face_vertices),
+        vertices=shape.vertices,
+        face_starts=shape.face_starts,
+        face_vertices=shape.face_vertices,
         face_facets=read_only(planes.facet_ids[shape.rows]),
-        vertex_rows=read_only(shape.vertex_rows),
-        volume=volume,
-        area=shape.area * scale**2,
-        centroid=read_only(planes.to_world(shape.centroid)),
-        inertia=read_only(shape.inertia * scale**5),
-        deepest_point=read_only(planes.to_world(shape.deepest)),
-        clearance=shape.clearance * scale,
-        certificate=certificate,
+        vertex_rows=shape.vertex_rows,
+        volume=shape.volume,
+        area=shape.area,
+        centroid=shape.centroid,
+        inertia=shape.inertia,
+        deepest_point=shape.deepest,
+        clearance=shape.clearance,
+        domain=domain,
         cut_by_domain=cut,
         is_bounded=not cut or is_bounded(halfspaces),
-        unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
-        max_residual=shape.residual * scale,
-        volume_bounds=_volume_bounds(shape, scale) if inside.dimension == 3 else (0.0, 0.0),
-        _flat_vertices=tuple(shape.corners),
-        **clip,
+        unclipped_dimension=unclipped.dimension,
+        max_residual=shape.residual,
+        volume_bounds=shape.volume_bounds,
+        _proof=proof,
+        _unclipped_proof=proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False),
     )
 
 
 def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     """Merge coplanar facets first where a sample says that sides are flat: then few planes are left to decide about."""
-    sample = planes.select(np.arange(0, len(planes), max(1, len(planes) // _SAMPLE)))
-    if len(planes) < 2 * _SAMPLE or 2 * len(np.unique(sample.coplanar_groups())) > len(sample):
+    if len(planes) < 2 * _SAMPLE:
+        return solid_shape(planes, inside)
+    sample = np.arange(0, len(planes), len(planes) // _SAMPLE)
+    if 2 * len(planes.first_of_planes(sample)) > len(sample):
         return solid_shape(planes, inside)
     groups = planes.coplanar_groups()
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
     merged = replace(planes.select(heads), bounds_volume=planes.bounds_volume)
     shape = solid_shape(merged, replace(inside, working_set=working_set))
-    return None if shape is None else replace(shape, rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
-
-
-def _volume_bounds(shape: Shape, scale: float) -> tuple[float, float]:
-    """Bounds that hold where the volume is too small or too large for a double with all its digits, too."""
-    lower, upper = (
-        max(0.0, shape.volume * (1.0 - shape.rounding) - _LEAST) * scale**3,
-        (shape.volume * (1.0 + shape.rounding) + _LEAST) * scale**3,
-    )
-    return max(0.0, float(np.nextafter(lower, -np.inf))), float(np.nextafter(upper, np.inf))
+    return None if shape is None else shape._replace(rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
 
 
 def _empty_kernel(**facts: Any) -> KernelPolytope:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.predicates import touched_and_violated
@@ -18,16 +17,12 @@ __all__ = ["InnerPoint", "inner_point"]
 _UNIT = 2.0**-53
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class InnerPoint(Frozen):
+class InnerPoint(NamedTuple):
     """The sum of the rows of `terms`, world coordinates; `local` is it rounded, off by at most `error` there."""
 
     terms: NDArray[np.float64]
     local: NDArray[np.float64]
     error: float
-
-    def __post_init__(self) -> None:
-        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
 
 
 def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
@@ -37,11 +32,10 @@ def inner_point(planes: HalfSpaces, inside: Feasibility) -> InnerPoint:
     as many doubles as it takes to stay strictly inside.
     """
     assert inside.local_point is not None
-    assert inside.point is not None
-    if inside.clearance > 0.0:
+    if inside.exact_point is None:
         terms = np.array([planes.origin, inside.local_point * planes.scale])
         return InnerPoint(terms, inside.local_point, 0.0)
-    rest = planes.lattice_to_world(inside.point)
+    rest = planes.lattice_to_world(inside.exact_point)
     rows: list[list[float]] = []
     while True:
         row = [float(v) for v in rest]

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_points
+from voxkernel._checks import as_points, read_only
 from voxkernel._frozen import Frozen
 from voxkernel._plain import json_text
 from voxkernel.errors import MeshError
-from voxkernel.exact.certificate import Certificate
-from voxkernel.exact.meeting_points import RationalPoint, meeting_points
+from voxkernel.exact.certificate import Certificate, Proof
+from voxkernel.exact.meeting_points import meeting_points
 from voxkernel.exact.membership import points_inside
 from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.halfspaces import Domain
@@ -54,8 +54,6 @@ class KernelPolytope(Frozen):
         Centre of a largest inscribed ball; NaN when empty.
     clearance : float
         Its distance from the nearest facet plane; 0 for a flat kernel, NaN when empty.
-    certificate : Certificate
-        Proof of `dimension`.
     domain : Domain or None
         Where the kernel was looked for; None means everywhere.
     cut_by_domain : bool
@@ -64,10 +62,6 @@ class KernelPolytope(Frozen):
         Whether the kernel without the domain is bounded (an empty one is).
     unclipped_dimension : int
         Dimension of the kernel without the domain.
-    unclipped_point : (3,) float64 or None
-        A point of the kernel without the domain, rounded.
-    unclipped_certificate : Certificate
-        Proof of `unclipped_dimension`.
     max_residual : float
         No rounded vertex lies farther than this from the exact one, nor, so, outside a half-space; mesh units, for
         coordinates relative to the centre of the surface.
@@ -87,16 +81,14 @@ class KernelPolytope(Frozen):
     inertia: NDArray[np.float64]
     deepest_point: NDArray[np.float64]
     clearance: float
-    certificate: Certificate
     domain: Domain | None
     cut_by_domain: bool
     is_bounded: bool
     unclipped_dimension: int
-    unclipped_point: NDArray[np.float64] | None
-    unclipped_certificate: Certificate
     max_residual: float
     volume_bounds: tuple[float, float]
-    _flat_vertices: tuple[RationalPoint, ...] = ()
+    _proof: Proof
+    _unclipped_proof: Proof
 
     def __repr__(self) -> str:
         """Name dimension, size and volume."""
@@ -104,6 +96,22 @@ class KernelPolytope(Frozen):
             f"KernelPolytope(dimension={self.dimension}, vertices={len(self.vertices)}, "
             f"faces={len(self.face_facets)}, volume={self.volume:.6g})"
         )
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of `dimension`; made at first use and kept."""
+        return self._proof.certificate
+
+    @property
+    def unclipped_point(self) -> NDArray[np.float64] | None:
+        """A point of the kernel without the domain, (3,), rounded; None where that is empty."""
+        planes, point = self._unclipped_proof.planes, self._unclipped_proof.inside.local_point
+        return None if point is None else read_only(planes.to_world(point))
+
+    @property
+    def unclipped_certificate(self) -> Certificate:
+        """Proof of `unclipped_dimension`; made at first use and kept."""
+        return self._unclipped_proof.certificate
 
     @property
     def faces(self) -> tuple[NDArray[np.int64], ...]:
@@ -144,7 +152,7 @@ class KernelPolytope(Frozen):
         xyz = as_points("points", points)
         if self.is_empty:
             return np.zeros(len(xyz), np.bool_)
-        planes = self.certificate.halfspaces
+        planes = self._proof.planes
         return points_inside(planes, xyz, np.isin(planes.facet_ids, self.face_facets))
 
     def classify(self, points: ArrayLike) -> NDArray[np.int8]:
@@ -166,8 +174,8 @@ class KernelPolytope(Frozen):
         >>> max(voxkernel.exact_kernel(tetrahedron).exact_vertices())
         (Fraction(3, 1), Fraction(0, 1), Fraction(0, 1))
         """
-        planes = self.certificate.halfspaces
-        found = self._flat_vertices if self.dimension < 3 else meeting_points(planes, self.vertex_rows)
+        planes = self._proof.planes
+        found = self._proof.corners if self.dimension < 3 else meeting_points(planes, self.vertex_rows)
         return [planes.lattice_to_world(p) for p in found]
 
     def to_points(self) -> NDArray[np.float64]:
@@ -236,7 +244,7 @@ class KernelPolytope(Frozen):
             "cut_by_domain": self.cut_by_domain,
             "is_bounded": self.is_bounded,
             "unclipped_dimension": self.unclipped_dimension,
-            "unclipped_point": None if self.unclipped_point is None else _plain(self.unclipped_point),
+            "unclipped_point": None if (point := self.unclipped_point) is None else _plain(point),
             "max_residual": self.max_residual,
         }
 

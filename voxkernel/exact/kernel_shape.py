@@ -1,17 +1,17 @@
-"""Corners, faces and moments of a non-empty kernel, in local coordinates."""
+"""Corners, faces and moments of a non-empty kernel, in world coordinates."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
-from math import isqrt, lcm
+from math import inf, isqrt, lcm, nextafter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._checks import read_only
 from voxkernel._core import solid_measures
-from voxkernel._frozen import Frozen
 from voxkernel.exact.dual_hull import (
     Polyhedron,
     convex_surface,
@@ -28,6 +28,8 @@ from voxkernel.halfspaces.rational_program import deepest_rational_point
 __all__ = ["Shape", "flat_shape", "solid_shape"]
 
 _UNIT = 2.0**-53
+# Above what a number below the normal range of doubles loses, several times over.
+_LEAST = 2.0**-1070
 # Below this share of depth to size moments are summed exactly.
 _THIN = 1e-4
 # Rounding, as a share of the volume, above which they are too.
@@ -38,12 +40,12 @@ _FEW = 24
 _SMALL = 100
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Shape(Frozen):
-    """A convex polytope; `rows` are the half-spaces of its faces.
+class Shape(NamedTuple):
+    """A convex polytope in world coordinates; `rows` are the half-spaces of its faces.
 
-    The planes of the three `vertex_rows` meet in a vertex; without them `corners` are the vertices, exactly.
-    `residual` bounds how far a rounded vertex lies from the exact one, `rounding` the relative error of the volume.
+    The planes of the three `vertex_rows` meet in a vertex; without them `corners` are the vertices, exactly, in lattice
+    coordinates. `residual` bounds how far a rounded vertex lies from the exact one. It `is_accurate` where floating
+    point was enough: no thin kernel, none that is small beside its rounding.
     """
 
     vertices: NDArray[np.float64]
@@ -52,18 +54,15 @@ class Shape(Frozen):
     rows: NDArray[np.int64]
     vertex_rows: NDArray[np.int64]
     volume: float
+    volume_bounds: tuple[float, float]
     area: float
     centroid: NDArray[np.float64]
     inertia: NDArray[np.float64]
     deepest: NDArray[np.float64]
     clearance: float
-    extent: float
-    corners: list[RationalPoint]
+    corners: tuple[RationalPoint, ...]
     residual: float
-    rounding: float
-
-    def __post_init__(self) -> None:
-        """Nothing to freeze: it never leaves this folder, and a small kernel would take a tenth longer."""
+    is_accurate: bool
 
 
 def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
@@ -78,10 +77,10 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         convex = convex_surface(planes, point)
         if convex is not None:
             shape = _float_shape(planes, convex, inside)
-            if _is_accurate(shape):
+            if shape.is_accurate:
                 return shape
     while True:
-        solid = polyhedron_around(planes, point, _heads(planes, rows))
+        solid = polyhedron_around(planes, point, rows)
         if solid is not None:
             missing = _missing_rows(planes, solid, rows)
             if not len(missing):
@@ -92,7 +91,7 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         else:
             rows = np.arange(len(planes))
     shape = _float_shape(planes, solid, inside)
-    return shape if _is_accurate(shape) else _exact_shape(planes, solid, shape)
+    return shape if shape.is_accurate else _exact_shape(planes, solid, shape)
 
 
 def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -108,45 +107,42 @@ def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]
     return out[reaching_planes(planes.select(out), solid.center, solid.vertices, margin=solid.reach)[0]]
 
 
-def _heads(planes: HalfSpaces, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """One row of each plane."""
-    near = planes if len(rows) == len(planes) else planes.select(rows)
-    return rows[near.coplanar_groups() == np.arange(len(near))]
-
-
-def _is_accurate(shape: Shape) -> bool:
-    """Whether floating point was enough: no thin kernel, none that is small beside its rounding."""
-    return shape.clearance >= _THIN * shape.extent and shape.rounding <= _ROUNDING
-
-
 def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> Shape:
-    """Measure a polyhedron, every vertex of which is within `reach` of the exact one."""
-    extent, volume, area, centroid, inertia, deepest, clearance = solid_measures(
-        planes.local_normals, planes.local_offsets, solid.center, solid.vertices, solid.start, solid.ring, solid.rows
-    )
-    if clearance < inside.clearance:  # the solver gave up early: keep the point already proven
-        deepest, clearance = np.zeros(3), inside.clearance
+    """Measure a polyhedron, every vertex of which is within `reach` of the exact one; moves them to the world."""
+    scale, reach = planes.scale, solid.reach
+    extent, volume, area, clearance, centroid, deepest, inertia = solid_measures(
+        planes.local_normals, planes.local_offsets, solid.center, solid.vertices, solid.start, solid.ring, solid.rows,
+        inside.clearance, planes.origin, scale,
+    )  # fmt: skip
     # Scaled about the deepest point by 1 + reach / clearance, the exact polyhedron holds the rounded one; by
     # 1 - reach / clearance, it lies inside.
+    slenderness = extent / clearance if clearance > 0.0 else inf
+    rounding = 4.0 * reach / clearance + _UNIT * slenderness * slenderness + 1e-14 if clearance > 0.0 else inf
     return Shape(
-        vertices=solid.center + solid.vertices,
+        vertices=read_only(solid.vertices),
         face_starts=solid.start,
         face_vertices=solid.ring,
         rows=solid.rows,
         vertex_rows=solid.vertex_rows,
-        volume=volume,
-        area=area,
-        centroid=solid.center + centroid,
+        volume=volume * scale**3,
+        volume_bounds=_volume_bounds(volume, rounding, scale),
+        area=area * scale**2,
+        centroid=centroid,
         inertia=inertia,
-        deepest=solid.center + deepest,
-        clearance=clearance,
-        extent=extent,
-        corners=[],
-        residual=solid.reach,
-        rounding=4.0 * solid.reach / clearance + _UNIT * (extent / clearance) ** 2 + 1e-14
-        if clearance > 0
-        else np.inf,
+        deepest=deepest,
+        clearance=clearance * scale,
+        corners=(),
+        residual=reach * scale,
+        is_accurate=clearance >= _THIN * extent and rounding <= _ROUNDING,
     )
+
+
+def _volume_bounds(volume: float, rounding: float, scale: float) -> tuple[float, float]:
+    """Bounds that hold where the volume is too small or too large for a double with all its digits, too."""
+    cube = scale**3
+    lower = max(0.0, volume * (1.0 - rounding) - _LEAST) * cube
+    upper = (volume * (1.0 + rounding) + _LEAST) * cube
+    return max(0.0, nextafter(lower, -inf)), nextafter(upper, inf)
 
 
 def _exact_shape(planes: HalfSpaces, solid: Polyhedron, shape: Shape) -> Shape:
@@ -154,25 +150,28 @@ def _exact_shape(planes: HalfSpaces, solid: Polyhedron, shape: Shape) -> Shape:
     corners = meeting_points(planes, solid.vertex_rows)
     bounds = solid.start.tolist()
     faces = [solid.ring[a:b].tolist() for a, b in pairwise(bounds)]
-    volume, area, centroid, inertia = rational_moments(3, corners, faces)
-    deepest, clearance = _exact_deepest(planes.select(solid.rows), shape.vertices)
-    unit = Fraction(planes.scale) * planes.lattice_unit
-    return replace(
-        shape,
-        volume=float(volume / unit**3),
-        area=float(area / unit**2),
-        centroid=planes.from_lattice(centroid),
-        inertia=np.array([[float(v / unit**5) for v in line] for line in inertia]),
-        deepest=deepest,
-        clearance=clearance,
-        rounding=1e-14,
+    exact_volume, area, centroid, inertia = rational_moments(3, corners, faces)
+    deepest, clearance = _exact_deepest(planes.select(solid.rows), float(np.abs(planes.to_local(shape.vertices)).max()))
+    scale, unit = planes.scale, Fraction(planes.scale) * planes.lattice_unit
+    volume = float(exact_volume / unit**3)
+    return shape._replace(
+        volume=volume * scale**3,
+        volume_bounds=_volume_bounds(volume, 1e-14, scale),
+        area=float(area / unit**2) * scale**2,
+        centroid=planes.to_world(planes.from_lattice(centroid)),
+        inertia=np.array([[float(v / unit**5) for v in line] for line in inertia]) * scale**5,
+        deepest=planes.to_world(deepest),
+        clearance=clearance * scale,
     )
 
 
-def _exact_deepest(faces: HalfSpaces, vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Centre and radius of a largest ball between faces, by exact linear programs on a growing working set."""
+def _exact_deepest(faces: HalfSpaces, largest: float) -> tuple[NDArray[np.float64], float]:
+    """Centre and radius of a largest ball between faces, by exact linear programs on a growing working set.
+
+    `largest` is the largest coordinate of a vertex; as the results it is local.
+    """
     unit = Fraction(faces.scale) * faces.lattice_unit
-    size = Fraction(max(1.0, 2 * float(np.abs(vertices).max())))
+    size = Fraction(max(1.0, 2 * largest))
     # Scaled up, so that integers near the lengths of the normals are near enough.
     planes = [tuple(v << 64 for v in p) for p in faces.integer_planes(range(len(faces)))]
     lengths = [isqrt(a * a + b * b + c * c) for a, b, c, _ in planes]
@@ -196,8 +195,8 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     if kernel is None or inside.point is None:
         return None
     corners, faces = kernel
-    unit = Fraction(planes.scale) * planes.lattice_unit
-    volume, area, centroid, _ = rational_moments(inside.dimension, corners, [f for _, f in faces])
+    scale, unit = planes.scale, Fraction(planes.scale) * planes.lattice_unit
+    _, area, centroid, _ = rational_moments(inside.dimension, corners, [f for _, f in faces])
     vertices = np.array([planes.from_lattice(c) for c in corners])
     ring: list[int] = []
     rows: list[int] = []
@@ -209,19 +208,19 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         rows = [inside.witnesses[-1].ids[0]]
     residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
     return Shape(
-        vertices=vertices,
+        vertices=planes.to_world(vertices),
         face_starts=np.array([0, len(ring)] if ring else [0], np.int64),
         face_vertices=np.array(ring, np.int64),
         rows=np.array(rows, np.int64),
         vertex_rows=np.empty((0, 3), np.int64),
-        volume=float(volume / unit**3),
-        area=float(area / unit**2),
-        centroid=planes.from_lattice(centroid),
+        volume=0.0,
+        volume_bounds=(0.0, 0.0),
+        area=float(area / unit**2) * scale**2,
+        centroid=planes.to_world(planes.from_lattice(centroid)),
         inertia=np.zeros((3, 3)),
-        deepest=planes.from_lattice(inside.point),
+        deepest=planes.to_world(planes.from_lattice(inside.point)),
         clearance=0.0,
-        extent=float(np.abs(vertices).max()),
-        corners=corners,
-        residual=residual,
-        rounding=1e-14,
+        corners=tuple(corners),
+        residual=residual * scale,
+        is_accurate=True,
     )

@@ -18,24 +18,35 @@ from voxkernel.halfspaces.witness import Witness, empty_witness, lifted_witness,
 
 __all__ = ["Feasibility", "find_feasibility"]
 
+LatticePoint = tuple[Fraction, Fraction, Fraction]
+_EVERY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Feasibility(Frozen):
     """The dimension of the common part of half-spaces, and what proves it.
 
-    `point` is exact, in lattice coordinates, and lies in the relative interior; `directions` span
-    the affine hull; `witnesses` prove that the dimension is not larger. `working_set` holds the
-    half-spaces that mattered. `passes` counts the sweeps over all half-spaces.
+    `local_point` lies in the relative interior: as it is where `clearance` is above 0, otherwise it is `exact_point`,
+    in lattice coordinates, rounded. `directions` span the affine hull; `witnesses` prove that the dimension is not
+    larger. `working_set` holds the half-spaces that mattered. `passes` counts the sweeps over all half-spaces.
     """
 
+    halfspaces: HalfSpaces
     dimension: int
-    point: tuple[Fraction, Fraction, Fraction] | None
+    exact_point: tuple[Fraction, Fraction, Fraction] | None
     directions: tuple[tuple[int, int, int], ...]
     witnesses: tuple[Witness, ...]
     working_set: NDArray[np.int64]
     local_point: NDArray[np.float64] | None
     clearance: float
     passes: int
+
+    @property
+    def point(self) -> LatticePoint | None:
+        """A point in the relative interior, exactly, in lattice coordinates; None where there is none."""
+        if self.exact_point is not None or self.local_point is None:
+            return self.exact_point
+        return self.halfspaces.to_lattice(self.local_point)
 
 
 def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
@@ -62,7 +73,7 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     found = _exact_stage(halfspaces.select(heads), np.unique(np.searchsorted(heads, groups[rows])), passes)
     witnesses = tuple(Witness(tuple(int(heads[i]) for i in w.ids), w.multipliers) for w in found.witnesses)
-    return replace(found, witnesses=witnesses, working_set=heads[found.working_set])
+    return replace(found, halfspaces=halfspaces, witnesses=witnesses, working_set=heads[found.working_set])
 
 
 def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
@@ -72,11 +83,10 @@ def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasib
     )
     witness = empty_witness(halfspaces, opposing)
     if witness is not None:
-        return rows, passes, Feasibility(-1, None, (), (witness,), rows, None, gap, passes)
+        return rows, passes, Feasibility(halfspaces, -1, None, (), (witness,), rows, None, gap, passes)
     if depth == 0.0:
         return nearest, passes, None
-    every = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    return rows, passes, Feasibility(3, halfspaces.to_lattice(point), every, (), rows, point, depth, passes)
+    return rows, passes, Feasibility(halfspaces, 3, None, _EVERY, (), rows, point, depth, passes)
 
 
 def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -> Feasibility:
@@ -84,11 +94,10 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
     while True:
         dimension, point, directions, witnesses, equal = _decide_rows(halfspaces, rows)
         if dimension < 0 or point is None:
-            return Feasibility(-1, None, (), witnesses, rows, None, 0.0, passes)
+            return Feasibility(halfspaces, -1, None, (), witnesses, rows, None, 0.0, passes)
         if halfspaces.is_cone and dimension == 0:  # the apex satisfies every plane
-            return Feasibility(
-                0, point, directions, witnesses, rows, halfspaces.from_lattice(point), 0.0, passes
-            )
+            local = halfspaces.from_lattice(point)
+            return Feasibility(halfspaces, 0, point, directions, witnesses, rows, local, 0.0, passes)
         touched, violated = touched_and_violated(halfspaces, point)
         passes += 1
         fresh = np.setdiff1d(violated, rows)
@@ -104,10 +113,8 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
                 if any(sum(u * v for u, v in zip(p[:3], w, strict=True)) for w in directions)
             ]
             if not on_rim:
-                local = halfspaces.from_lattice(point)
-                return Feasibility(
-                    dimension, point, directions, witnesses, np.union1d(rows, equal), local, 0.0, passes
-                )
+                local, known = halfspaces.from_lattice(point), np.union1d(rows, equal)
+                return Feasibility(halfspaces, dimension, point, directions, witnesses, known, local, 0.0, passes)
             fresh = np.array(on_rim, np.int64)
         rows = np.concatenate([rows, _most_different(halfspaces, fresh)])
 
@@ -119,7 +126,7 @@ def _most_different(halfspaces: HalfSpaces, ids: NDArray[np.int64], count: int =
 
 _Decision = tuple[
     int,
-    tuple[Fraction, Fraction, Fraction] | None,
+    LatticePoint | None,
     tuple[tuple[int, int, int], ...],
     tuple[Witness, ...],
     NDArray[np.int64],
@@ -133,7 +140,7 @@ def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
     equality; the search goes on in their common affine subspace, at most three times.
     """
     planes = halfspaces.integer_planes(rows)
-    base: tuple[Fraction, Fraction, Fraction] = (Fraction(0), Fraction(0), Fraction(0))
+    base: LatticePoint = (Fraction(0), Fraction(0), Fraction(0))
     directions = kernel_of_rows([])
     unit = Fraction(halfspaces.scale) * halfspaces.lattice_unit
     equal: list[int] = []

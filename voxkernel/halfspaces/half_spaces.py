@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import frexp, ldexp, sqrt
+from math import frexp, ldexp
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, read_only
-from voxkernel._core import StopFlag, boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
+from voxkernel._core import (
+    StopFlag,
+    boundary_is_zero,
+    coplanar_groups,
+    facet_planes,
+    first_of_planes,
+    least_spread,
+    plane_frame,
+)
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts, stretches
 from voxkernel.errors import MeshError
@@ -35,6 +43,7 @@ __all__ = ["HalfSpaces"]
 _EXPLICIT_ERROR = 32 * 2.0**-53
 _LARGEST = 2.0**200
 _THINNEST = 2.0**-300
+_NO_PLANES = read_only(np.empty((0, 4)))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -119,9 +128,8 @@ class HalfSpaces(Frozen):
         """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
-        low, high, smallest = coordinate_range(vertices, faces)
-        origin, scale = _local_frame(low, high)
-        _check_spans((high - low).tolist(), thinnest)
+        origin, scale, spans, largest, smallest = plane_frame(vertices, faces)
+        _check_frame(spans, largest, thinnest)
         bits = bits_of(smallest)
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
@@ -162,7 +170,7 @@ class HalfSpaces(Frozen):
             bounds_volume=bounds_volume,
             _vertices=vertices,
             _corners=read_only(corners),
-            _explicit=read_only(np.empty((0, 4))),
+            _explicit=_NO_PLANES,
             _lattice_bits=bits,
             is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,
         )
@@ -338,6 +346,12 @@ class HalfSpaces(Frozen):
         """
         return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone)
 
+    def first_of_planes(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of ascending rows, the first on each plane, as `coplanar_groups` finds them."""
+        return first_of_planes(
+            self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, rows
+        )
+
     def merged(self) -> HalfSpaces:
         """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""
         groups = self.coplanar_groups()
@@ -425,39 +439,26 @@ def _power_of_two(value: float) -> float:
     return ldexp(1.0, exponent - (mantissa == 0.5))
 
 
-def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    lower, upper = low.tolist(), high.tolist()
-    largest = max(map(abs, lower + upper))
-    span = max(v - u for u, v in zip(lower, upper, strict=True))
-    if largest > _LARGEST or span < 1 / _LARGEST:
+def _check_frame(spans: tuple[float, float, float], largest: float, thinnest: float) -> None:
+    widest = max(spans)
+    if largest > _LARGEST or widest < 1 / _LARGEST:
         raise MeshError(
             "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
-            f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
+            f"got a largest coordinate of {largest:.3g} and a span of {widest:.3g} (rescale first)"
         )
-    origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
-    square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))
-    return np.array(origin), _power_of_two(sqrt(square) * (1 + 1e-12))
-
-
-def _check_spans(spans: list[float], thinnest: float) -> None:
-    thin = [v for v in spans if 0.0 < v < max(spans) * thinnest]
+    if min(spans) >= widest * thinnest:
+        return
+    thin = [v for v in spans if 0.0 < v < widest * thinnest]
     if thin:
         raise MeshError(
             "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
-            f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
+            f"of {thin[0]:.3g} and {widest:.3g} (rescale first)"
         )
 
 
 def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
     """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
-    for rows in (normals[:: max(1, len(normals) // 64)], normals):
-        if _least_spread(rows) > 1e-9:
+    for step in (max(1, len(normals) // 64), 1):
+        if least_spread(normals, step) > 1e-9:
             return True
     return rank_of(exact) == 3
-
-
-def _least_spread(normals: NDArray[np.float64]) -> float:
-    """A lower bound of the mean square of unit normals along any direction, up to rounding."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (normals.T @ normals / len(normals)).tolist()
-    # The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
-    return 4.0 * (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz))

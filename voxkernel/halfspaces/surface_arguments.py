@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice, as_facet_ids
-from voxkernel._frozen import Frozen
 from voxkernel.halfspaces.domain import Domain, as_domain, ball_domain, surface_frame
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
@@ -72,8 +70,7 @@ NO_DOMAIN = DefaultDomain(
 DEFAULT_DOMAINS = (EXACT, RELAXED, REGISTRATION, NO_DOMAIN)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SurfaceArgument(Frozen):
+class SurfaceArgument(NamedTuple):
     """A surface as functions use it: half-spaces, and the mesh they were made from unless they were given."""
 
     halfspaces: HalfSpaces
