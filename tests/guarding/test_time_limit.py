@@ -3,13 +3,17 @@
 import os
 import signal
 import threading
+from importlib import import_module
 
 import pytest
 import shapes
 
 import voxkernel
 from voxkernel.demo_shapes import torus
-from voxkernel.guarding import clock
+
+clock, cover, guards, measuring = (
+    import_module(f"voxkernel.guarding.{name}") for name in ("clock", "cover", "guards", "measuring")
+)
 
 COMB = voxkernel.as_mesh(
     shapes.prism([(0, 0), (7, 0), (7, 4), (6, 4), (6, 1), (4, 1), (4, 4), (3, 4), (3, 1), (1, 1), (1, 4), (0, 4)])
@@ -18,8 +22,12 @@ COMB = voxkernel.as_mesh(
 
 @pytest.fixture
 def now(monkeypatch):
+    """Time stands still unless the test moves it; fewer samples and candidates, so that tests do not take long."""
     time = [0.0]
     monkeypatch.setattr(clock, "perf_counter", lambda: time[0])
+    monkeypatch.setattr(cover, "_N_START", 100)
+    for module in (guards, measuring):
+        monkeypatch.setattr(module, "FRESH", 20_000)
     return time
 
 
@@ -33,7 +41,7 @@ def test_what_a_stage_has_no_time_for_is_said(stage, threads, now):
     assert len(found) >= 1
     assert found.is_reached == (found.reason == "")
     assert ("`seen` is measured on 4,000 samples" in found.left_out) == (stage in ("search", "confirm"))
-    assert found.n_samples == (4000 if stage in ("search", "confirm") else 100_000)
+    assert found.n_samples == (4000 if stage in ("search", "confirm") else 20_000)
     assert (f"{len(COMB.faces)} facets are not looked at for `certified`" in found.left_out) == (stage != "bound")
     assert (found.certified > 0.9) == (stage == "bound")
     assert found.left_out == "" if stage == "bound" else found.left_out.startswith("the time limit is over: ")
@@ -42,9 +50,9 @@ def test_what_a_stage_has_no_time_for_is_said(stage, threads, now):
     assert found.to_dict()["left_out"] == found.left_out
     low, high = found.seen_bounds
     assert found.certified <= low <= found.seen <= high <= found.facing_bound
-    cover = voxkernel.star_cover(found)
-    assert cover.verify()
-    assert cover.left_shares.sum() == pytest.approx(0 if stage == "bound" else len(COMB.faces))
+    pieces = voxkernel.star_cover(found)
+    assert pieces.verify()
+    assert pieces.left_shares.sum() == pytest.approx(0 if stage == "bound" else len(COMB.faces))
 
 
 def test_the_command_says_what_there_was_no_time_for(now, tmp_path, capsys, monkeypatch):

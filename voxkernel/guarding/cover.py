@@ -25,6 +25,7 @@ _NEAR_KEPT = 4  # of these, by a quarter of the samples
 _REACH = 0.05  # their size, in diagonals
 _MOST_MOVED = 12  # guards moved in one round
 _ROUNDS = 3
+_FINE_ROUNDS = 7  # where little is missing
 _DROPS = 3  # guards tried to do without
 
 Words = NDArray[np.uint64]
@@ -126,7 +127,7 @@ class Cover:
             reached = _count(union_of(self.seen, self.width))
             need = min(len(self.spots), max(need + 1, reached + ceil(0.5 * short * len(self.spots))))
             if self.may_move:
-                self._improve(need)
+                self._improve(need, _FINE_ROUNDS, patient=True)
 
     def _is_enough(self, need: int) -> bool:
         """Whether one candidate sees it all, so that no others are needed."""
@@ -184,8 +185,8 @@ class Cover:
         self.candidates = np.concatenate([self.candidates, points])
         self.sets = np.concatenate([self.sets, self._seen_by(points)])
 
-    def _improve(self, need: int, rounds: int = _ROUNDS) -> None:
-        """Exchange or move one guard at a time, where that gains samples."""
+    def _improve(self, need: int, rounds: int = _ROUNDS, *, patient: bool = False) -> None:
+        """Exchange or move one guard at a time, where that gains samples; end where none does, unless patient."""
         for r in range(rounds):
             moved = False
             order = np.arange(len(self.points))
@@ -195,7 +196,7 @@ class Cover:
                 if self.clock.is_over or _count(union_of(self.seen, self.width)) >= need:
                     return
                 moved |= self._move(int(i), _REACH * 0.5**r)
-            if not moved:
+            if not (moved or patient):
                 return
 
     def _move(self, i: int, reach: float) -> bool:

@@ -24,6 +24,7 @@ from voxkernel.relaxed.facet_weights import weigh
 __all__ = ["guards"]
 
 _MOST = 10_000
+_MARGIN = 1.0  # of a search that goes on, see Confirmed
 _GAP = 1e-3  # of the point that faces the most, one candidate of many where the kernel is empty
 
 
@@ -97,7 +98,8 @@ def guards(
     outside.
 
     Samples of the area, candidates (the point of `best_center`, middles of chords, a lattice, points in sight of what
-    is unseen), a greedy cover, exchange and moves; accepted only when fresh samples confirm it. The point of
+    is unseen), a greedy cover, exchange and moves; accepted only when fresh samples confirm it. Where the last
+    measurement does not, the search goes on once with a margin, and other samples measure what it found. The point of
     `best_center` is the only guard where the kernel is not empty and holds a point that doubles can name. `certified`
     counts facets f for which no facet enters the hull of f and the guard: separating planes, decided exactly.
 
@@ -136,11 +138,17 @@ def guards(
         away = 0.5 * sight.diagonal
         if distance is not None:
             away = float(np.ldexp(as_positive("distance", distance), -sight.exponent))
-    found = _searched(sight, argument, share, most, given, away, np.random.default_rng([seed, 0]), clock)
-    measured = measure(sight, found.points, np.random.default_rng([seed, 1]), clock)
-    reason = found.reason
-    low = measured.bounds[0]
-    is_reached = low >= share or (measured.seen == 1.0 and measured.n_samples == FRESH and not reason)
+    search, fresh = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+    covers: dict[int, Cover] = {}
+    for margin in (0.0, _MARGIN):
+        found = _searched(sight, argument, share, most, given, away, search, clock, covers, margin)
+        measured = measure(sight, found.points, fresh, clock)
+        reason = found.reason
+        is_reached = measured.bounds[0] >= share or (
+            measured.seen == 1.0 and measured.n_samples == FRESH and not reason
+        )
+        if is_reached or reason or clock.is_over:
+            break
     if not is_reached and not reason:
         reason = f"the {measured.n_samples:,} fresh samples do not confirm it: {measured.seen:.6g} are seen"
     result = Guards(
@@ -168,9 +176,9 @@ class _Found(NamedTuple):
 
 def _searched(
     sight: Sight, argument: SurfaceArgument, coverage: float, most: int, given: NDArray[np.float64] | None,
-    distance: float, rng: np.random.Generator, clock: Clock,
+    distance: float, rng: np.random.Generator, clock: Clock, covers: dict[int, Cover], margin: float,
 ) -> _Found:  # fmt: skip
-    """Search the bodies one after the other, the largest first."""
+    """Search the bodies one after the other, the largest first; go on with the covers that are there."""
     points: list[NDArray[np.float64]] = []
     owners: list[int] = []
     reasons: list[str] = []
@@ -188,9 +196,11 @@ def _searched(
             why = "max_guards" if len(points) >= most else "time limit"
             reasons.append(_words(why, most, 0.0, sight, faces, points))
             continue
-        first = _first_points(sight, argument, body) if local is None else np.zeros((0, 3))
-        cover = Cover(sight, faces, first, local, distance, rng, clock)
-        confirm = Confirmed(sight, faces, coverage, rng, clock)
+        if body not in covers:
+            first = _first_points(sight, argument, body) if local is None else np.zeros((0, 3))
+            covers[body] = Cover(sight, faces, first, local, distance, rng, clock)
+        cover = covers[body]
+        confirm = Confirmed(sight, faces, coverage, margin, rng, clock)
         why = cover.run(coverage, most - len(points), confirm)
         cover.sort()
         points += cover.points

@@ -33,16 +33,21 @@ class Measured(NamedTuple):
 
 
 class Confirmed:
-    """Measures on fresh samples what points see, less what the samples may flatter; new ones at every call."""
+    """Measures on fresh samples what points see, less what the samples may flatter; new ones at every call.
+
+    `margin` is a multiple of the distance from the share that is seen to the lower end of its interval: the last
+    measurement may give less than the one that ends a search.
+    """
 
     def __init__(
-        self, sight: Sight, faces: NDArray[np.int64], coverage: float, rng: np.random.Generator, clock: Clock
-    ) -> None:
-        self._sight, self._faces, self._coverage = sight, faces, coverage
+        self, sight: Sight, faces: NDArray[np.int64], coverage: float, margin: float, rng: np.random.Generator,
+        clock: Clock,
+    ) -> None:  # fmt: skip
+        self._sight, self._faces, self._coverage, self._margin = sight, faces, coverage, margin
         self._rng, self._clock = rng, clock
 
     def __call__(self, points: list[NDArray[np.float64]]) -> tuple[float, Spots]:
-        """Give the lower end of the interval, 1 where all samples are seen, and samples that are not."""
+        """Give the lower end of the interval less the margin, 1 where all samples are seen, and the unseen ones."""
         spots = self._sight.samples(FRESH, self._rng, self._faces)
         some = spots.some(np.arange(0, FRESH, 10))
         places = np.array(points)
@@ -54,7 +59,10 @@ class Confirmed:
             return _interval(n_quick, len(some))[0], some.some(dark)
         dark = self._sight.first_seen(places, spots) < 0
         n_seen = FRESH - int(dark.sum())
-        return 1.0 if n_seen == FRESH else _interval(n_seen, FRESH)[0], spots.some(dark)
+        if n_seen == FRESH:
+            return 1.0, spots.some(dark)
+        low = _interval(n_seen, FRESH)[0]
+        return low - self._margin * (n_seen / FRESH - low), spots.some(dark)
 
 
 def measure(sight: Sight, points: NDArray[np.float64], rng: np.random.Generator, clock: Clock) -> Measured:
