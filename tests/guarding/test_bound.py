@@ -9,11 +9,13 @@ import shapes
 import voxkernel
 from voxkernel._core import SightTree, clearances, find_cover
 from voxkernel.guarding.bound import Cells, _cover_of, proven_share
+from voxkernel.guarding.clock import Clock
 from voxkernel.guarding.outside import outside_grid
 from voxkernel.guarding.sight import look_at
 from voxkernel.halfspaces import HalfSpaces
 
 COMB = shapes.prism([(0, 0), (7, 0), (7, 4), (6, 4), (6, 1), (4, 1), (4, 4), (3, 4), (3, 1), (1, 1), (1, 4), (0, 4)])
+ENDLESS = Clock(None, None)
 MESHES = {
     "comb": COMB,
     "torus": shapes.torus(),
@@ -37,7 +39,7 @@ def looked_at(mesh):
 def test_no_random_guard_sees_what_its_cell_excludes(name, rng):
     sight = looked_at(MESHES[name])
     spots = sight.samples(200, rng)
-    cells = Cells(sight, outside_grid(sight, 24), spots)
+    cells = Cells(sight, outside_grid(sight, 24, ENDLESS), spots, ENDLESS)
     for _ in range(2):
         points = sight.low + rng.random((4000, 3)) * (sight.high - sight.low)
         points = np.ascontiguousarray(points[sight.allowed(points)][:150])

@@ -93,7 +93,7 @@ def test_certified_is_seen_and_a_facet_that_is_not_is_not(name, depth, rng):
     guards[1] += 0.01 * (rng.random(3) - 0.5) * np.ptp(vertices, axis=0)
     tree = SightTree(vertices, np.ascontiguousarray(faces))
     order = np.tile(np.arange(2), len(faces))
-    found = certify_sight(tree, np.ascontiguousarray(guards), np.arange(len(faces)), order, depth)
+    found = certify_sight(tree, np.ascontiguousarray(guards), np.arange(len(faces)), order, np.full(len(faces), depth))
     triangles = [[exact(p) for p in vertices[f]] for f in faces]
     points = [exact(g) for g in guards]
     chosen = range(len(found[0])) if depth == 0 else rng.permutation(len(found[0]))[:40]

@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_guards_and_threads_do_not_matter():
     assert not np.array_equal(one.points, voxkernel.guards(COMB, coverage=0.8, rng=1).points)
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e5), (2.0**150, 0.0)])
+@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6), (2.0**150, 0.0)])
 def test_units_and_places_far_away(scale, shift):
     vertices, faces = COMB
     found = voxkernel.guards((vertices * scale + shift, faces), coverage=0.999)
@@ -130,6 +130,31 @@ def test_open_surfaces_have_guards_in_the_ball():
     assert bumpy.is_reached
 
 
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        (np.eye(3), [[0, 1, 2]]),
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 1]]),
+    ],
+    ids=["a triangle", "a flat sheet", "both sides of one"],
+)
+def test_flat_surfaces_are_seen_whole(mesh):
+    found = voxkernel.guards(mesh)
+    assert found.is_reached
+    assert found.certified == 1.0
+    assert len(found) == (2 if len(mesh[0]) == 3 and len(mesh[1]) == 2 else 1)
+    assert voxkernel.star_cover(found).verify()
+
+
+def test_all_of_a_torus_takes_three():
+    """Coverage 1: what fresh samples leave unseen is looked at until nothing is."""
+    found = voxkernel.guards(torus(n_major=24, n_minor=12), coverage=1.0)
+    assert found.is_reached
+    assert found.seen == 1.0
+    assert 3 <= len(found) <= 4
+
+
 def test_outside_is_a_scan_plan():
     found = voxkernel.guards(shapes.cube(), side="outside", distance=2.0, coverage=0.99)
     assert found.is_reached
@@ -148,8 +173,10 @@ def test_candidates_are_the_only_places():
     poor = voxkernel.guards(COMB, candidates=places[:1])
     assert not poor.is_reached
     assert "no point that was tried sees more" in poor.reason
+    assert "`candidates`" not in poor.reason
     outside = voxkernel.guards(COMB, candidates=places[5:])
     assert len(outside) == 0
+    assert outside.reason.startswith("1 of 1 `candidates` are not where guards may be; ")
     assert outside.seen == outside.certified == outside.facing_bound == 0.0
 
 
@@ -213,6 +240,13 @@ def test_progress_may_interrupt():
         (COMB, {"time_limit": 0.0}, ValueError, "`time_limit` must be > 0; got 0"),
         (COMB, {"threads": 0}, ValueError, "`threads` must be in 1..256; got 0"),
         (COMB, {"rng": -1}, ValueError, "`rng` must be in 0"),
+        (COMB, {"rng": 2**70}, ValueError, "`rng` must be in 0"),
+        (COMB, {"rng": None}, TypeError, "`rng` must be an integer; got NoneType"),
+        (COMB, {"rng": np.random.default_rng(0)}, TypeError, "`rng` must be an integer; got Generator"),
+        (COMB, {"max_guards": 1.5}, TypeError, "`max_guards` must be an integer; got float"),
+        (COMB, {"candidates": [1, 2, 3]}, ValueError, r"`candidates` must have shape \(n, 3\); got \(3,\)"),
+        (shapes.cube(), {"facets": []}, voxkernel.MeshError, "`facets` must leave a facet with positive area"),
+        ((np.arange(9.0).reshape(3, 3), [[0, 1, 2]]), {}, voxkernel.MeshError, "must hold a triangle with positive"),
         (shapes.open_hemisphere(), {"bound": True}, ValueError, "`bound` must be False for open surfaces"),
         (shapes.open_hemisphere(), {"side": "outside"}, ValueError, "`side` must be 'inside' for an open surface"),
         (shapes.inside_out_cube(), {}, voxkernel.MeshError, "counter-clockwise seen from outside; got an enclosed"),

@@ -61,8 +61,28 @@ def test_the_command_writes_pieces_and_numbers(tmp_path, capsys):
     assert "<title>comb.ply</title>" in page.read_text(encoding="utf-8")
     assert cli.main(["guards", str(mesh), "--distance", "3"]) == 2
     assert "--distance must be given with --outside" in capsys.readouterr().err
-    assert cli.main(["guards", str(mesh), "--coverage", "2"]) == 1
-    assert "`coverage` must be in (0, 1]; got 2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--coverage", "2"], "--coverage must be in (0, 1]; got 2"),
+        (["--coverage", "nan"], "--coverage must be in (0, 1]; got nan"),
+        (["--coverage", "0"], "--coverage must be in (0, 1]; got 0"),
+        (["--coverage", "most"], "invalid float value: 'most'"),
+        (["--max-guards", "0"], "--max-guards must be at least 1; got 0"),
+        (["--threads", "0"], "--threads must be at least 1; got 0"),
+        (["--time-limit", "-1"], "--time-limit must be > 0 and finite; got -1"),
+        (["--outside", "--distance", "0"], "--distance must be > 0 and finite; got 0"),
+    ],
+)
+def test_wrong_numbers_are_bad_usage_before_the_mesh_is_read(words, message, capsys):
+    try:
+        code = cli.main(["guards", "no_such_mesh.ply", *words])
+    except SystemExit as ended:  # argparse
+        code = ended.code
+    assert code == 2
+    assert message in capsys.readouterr().err
 
 
 def test_pictures(found, tmp_path):

@@ -73,14 +73,15 @@ void bind_guards(nb::module_& m) {
   m.def(
       "certify_sight",
       [](const SightTree& tree, Array2<const double, 3> points, Array1<const Index> faces, Array1<const Index> order,
-         Index max_depth, StopFlag* stop) {
+         Array1<const Index> max_depths, StopFlag* stop) {
         CertifiedParts found = without_lock(
-            [&](Stop& s) { return certify_sight(tree, rows(points), span(faces), span(order), max_depth, s); }, stop);
+            [&](Stop& s) { return certify_sight(tree, rows(points), span(faces), span(order), span(max_depths), s); },
+            stop);
         return std::make_tuple(to_array(std::move(found.faces)), to_array(std::move(found.points)),
                                to_array(std::move(found.depths)), to_rows<9>(std::move(found.weights)),
                                to_rows<9>(std::move(found.corners)));
       },
-      nb::arg("tree"), array("points"), array("faces"), array("order"), nb::arg("max_depth"), stop_argument(),
+      nb::arg("tree"), array("points"), array("faces"), array("order"), array("max_depths"), stop_argument(),
       "Parts of facets that a point sees as a whole: facet, point, depth, weights and rounded corners of each.");
   m.def(
       "cover_gains",
@@ -89,6 +90,12 @@ void bind_guards(nb::module_& m) {
       },
       array("sets"), nb::arg("n_words"), array("left"), array("gains"),
       "Fill the number of bits of each set that are left.");
+  m.def(
+      "maximal_sets",
+      [](ConstWords sets, Index n_words) {
+        return to_array(without_lock([&](Stop& s) { return maximal_sets(span(sets), n_words, s); }));
+      },
+      array("sets"), nb::arg("n_words"), "Rows of sets that are within no other one, the largest first.");
   m.def(
       "find_cover",
       [](ConstWords sets, Index n_words, Index count, Index need, Index max_steps) {

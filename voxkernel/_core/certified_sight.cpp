@@ -68,9 +68,6 @@ class Hull {
     make_planes();
   }
 
-  // The point is on the inner side of the facet.
-  bool faces_point() { return exact_sign(plain(0, kGuard), plain(1, kGuard), plain(2, kGuard)) > 0; }
-
   // No point of a box is inside, for certain.
   bool misses(const Box& box) const {
     for (int k = 0; k < 3; ++k) {
@@ -359,88 +356,138 @@ void round_corners(const double* corners, const Part& part, double* rounded) {
   }
 }
 
-// The four parts between corners and middles of edges.
-void cut(const Part& part, std::vector<Part>& parts) {
-  const Index* w = part.weights;
-  Index corner[3][3], middle[3][3];
-  for (int c = 0; c < 3; ++c) {
-    for (int i = 0; i < 3; ++i) {
-      corner[c][i] = 2 * w[3 * c + i];
-      middle[c][i] = w[3 * c + i] + w[3 * ((c + 1) % 3) + i];
-    }
-  }
-  const auto push = [&](const Index* a, const Index* b, const Index* c) {
-    Part child{part.face, part.depth + 1, {}};
-    for (int i = 0; i < 3; ++i) child.weights[i] = a[i], child.weights[3 + i] = b[i], child.weights[6 + i] = c[i];
-    parts.push_back(child);
-  };
-  for (int c = 0; c < 3; ++c) push(corner[c], middle[c], middle[(c + 2) % 3]);
-  push(middle[0], middle[1], middle[2]);
-}
+// Assigns parts of facets to points, depth first.
+class Certificate {
+ public:
+  Certificate(const SightTree& tree, Points points, Stop& stop) : tree_(tree), points_(points), stop_(stop) {}
 
-// Nothing enters the hull of the point and the part. The rounded part must face the point as well, so that it can be a
-// facet of a star-shaped piece.
-bool is_seen(const SightTree& tree, const Part& part, const double* rounded, const double* point, Stop& stop) {
-  const double* corners = tree.corners(part.face);
-  Hull hull(corners, point, part.weights, static_cast<int>(part.depth));
-  if (!hull.faces_point()) return false;
-  if (part.depth > 0 && !(orientation(rounded, rounded + 3, rounded + 6, point) < 0.0)) return false;
-  NodeStack stack;
-  stack.push(0);
-  while (stack.size > 0) {
-    stop.poll(8);
-    const SightTree::Node& node = tree.nodes()[stack.pop()];
-    if (hull.misses(node.box)) continue;
-    if (node.count == 0) {
-      stack.push(node.first);
-      stack.push(node.first + 1);
-      continue;
+  void add(Index face, const Index* order, Index max_depth) {
+    order_ = order;
+    max_depth_ = max_depth;
+    const auto n = static_cast<std::size_t>(points_.size());
+    const double* t = tree_.corners(face);
+    while (static_cast<Index>(hiders_.size()) <= max_depth) hiders_.emplace_back(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      hiders_[0][i] = orientation(t, t + 3, t + 6, points_[static_cast<Index>(i)]) < 0.0 ? kUnknown : kTurnedAway;
     }
-    for (std::int32_t i = node.first; i < node.first + node.count; ++i) {
-      const std::int32_t other = tree.order()[i];
-      if (other != part.face && hull.is_entered(tree.corners(other))) return false;
-    }
+    look_at({face, 0, {1, 0, 0, 0, 1, 0, 0, 0, 1}});
   }
-  return true;
-}
+  CertifiedParts found;
+
+ private:
+  static constexpr Index kUnknown = -1, kTurnedAway = -2;
+  static constexpr Index kSureDepth = 3;  // less cut parts are cut further even where no ray arrives
+
+  // `hiders_[part.depth]` is of the part around it, and of this one afterwards.
+  void look_at(const Part& part) {
+    std::vector<Index>& hiders = hiders_[part.depth];
+    double rounded[9], middle[3];
+    round_corners(tree_.corners(part.face), part, rounded);
+    for (int k = 0; k < 3; ++k) middle[k] = (rounded[k] + rounded[3 + k] + rounded[6 + k]) / 3.0;
+    bool is_dark = true;
+    for (Index i = 0; i < points_.size(); ++i) {
+      const Index point = order_[i];
+      Index& hider = hiders[point];
+      // A ray first: whoever does not see the middle does not see the whole.
+      if (!ray_arrives(part.face, point, middle, hider)) continue;
+      is_dark = false;
+      if (!is_seen(part, rounded, points_[point], hider)) continue;
+      found.faces.push_back(part.face);
+      found.points.push_back(point);
+      found.depths.push_back(part.depth);
+      found.weights.insert(found.weights.end(), part.weights, part.weights + 9);
+      found.corners.insert(found.corners.end(), rounded, rounded + 9);
+      return;
+    }
+    if (part.depth < max_depth_ && !(is_dark && part.depth >= kSureDepth && are_corners_dark(part, rounded))) cut(part);
+  }
+
+  bool ray_arrives(Index face, Index point, const double* spot, Index& hider) {
+    if (hider == kTurnedAway) return false;
+    stop_.poll(32);
+    const Index between = triangle_between(tree_, points_[point], spot, face, hider);
+    if (between >= 0) hider = between;
+    return between < 0;
+  }
+
+  // No ray arrives at the middles of the three parts at the corners.
+  bool are_corners_dark(const Part& part, const double* rounded) {
+    for (int c = 0; c < 3; ++c) {
+      const double *p = rounded + 3 * c, *q = rounded + 3 * ((c + 1) % 3), *r = rounded + 3 * ((c + 2) % 3);
+      double middle[3];
+      for (int k = 0; k < 3; ++k) middle[k] = (4.0 * p[k] + q[k] + r[k]) / 6.0;
+      for (Index i = 0; i < points_.size(); ++i) {
+        if (ray_arrives(part.face, i, middle, hiders_[part.depth][i])) return false;
+      }
+    }
+    return true;
+  }
+
+  // The four parts between corners and middles of edges.
+  void cut(const Part& part) {
+    const Index* w = part.weights;
+    Index corner[3][3], middle[3][3];
+    for (int c = 0; c < 3; ++c) {
+      for (int i = 0; i < 3; ++i) {
+        corner[c][i] = 2 * w[3 * c + i];
+        middle[c][i] = w[3 * c + i] + w[3 * ((c + 1) % 3) + i];
+      }
+    }
+    const auto look = [&](const Index* a, const Index* b, const Index* c) {
+      Part child{part.face, part.depth + 1, {}};
+      for (int i = 0; i < 3; ++i) child.weights[i] = a[i], child.weights[3 + i] = b[i], child.weights[6 + i] = c[i];
+      hiders_[child.depth] = hiders_[part.depth];
+      look_at(child);
+    };
+    for (int c = 0; c < 3; ++c) look(corner[c], middle[c], middle[(c + 2) % 3]);
+    look(middle[0], middle[1], middle[2]);
+  }
+
+  // Nothing enters the hull of the point and the part; `hider` is what did so last time. The rounded part must face the
+  // point as well, so that it can be a facet of a star-shaped piece.
+  bool is_seen(const Part& part, const double* rounded, const double* point, Index& hider) {
+    if (part.depth > 0 && !(orientation(rounded, rounded + 3, rounded + 6, point) < 0.0)) return false;
+    Hull hull(tree_.corners(part.face), point, part.weights, static_cast<int>(part.depth));
+    if (hider >= 0 && hull.is_entered(tree_.corners(hider))) return false;
+    NodeStack stack;
+    stack.push(0);
+    while (stack.size > 0) {
+      stop_.poll(8);
+      const SightTree::Node& node = tree_.nodes()[stack.pop()];
+      if (hull.misses(node.box)) continue;
+      if (node.count == 0) {
+        stack.push(node.first);
+        stack.push(node.first + 1);
+        continue;
+      }
+      for (std::int32_t i = node.first; i < node.first + node.count; ++i) {
+        const std::int32_t other = tree_.order()[i];
+        if (other == part.face || !hull.is_entered(tree_.corners(other))) continue;
+        hider = other;
+        return false;
+      }
+    }
+    return true;
+  }
+
+  const SightTree& tree_;
+  Points points_;
+  Stop& stop_;
+  const Index* order_ = nullptr;
+  Index max_depth_ = 0;
+  std::vector<std::vector<Index>> hiders_;  // for each depth and point: a triangle that was in the way
+};
 
 }  // namespace
 
 CertifiedParts certify_sight(const SightTree& tree, Points points, Indices faces, Span<const Index> order,
-                             Index max_depth, Stop& stop) {
-  CertifiedParts found;
-  const Index n = points.size();
-  std::vector<Part> now, later;
+                             Span<const Index> max_depths, Stop& stop) {
+  Certificate certificate(tree, points, stop);
   for (Index f = 0; f < faces.size(); ++f) {
-    now.assign(1, Part{faces[f], 0, {1, 0, 0, 0, 1, 0, 0, 0, 1}});
-    for (Index depth = 0; depth <= max_depth && !now.empty(); ++depth) {
-      later.clear();
-      for (const Part& part : now) {
-        double rounded[9], middle[3];
-        round_corners(tree.corners(part.face), part, rounded);
-        for (int k = 0; k < 3; ++k) middle[k] = (rounded[k] + rounded[3 + k] + rounded[6 + k]) / 3.0;
-        Index chosen = -1;
-        for (Index i = 0; i < n && chosen < 0; ++i) {
-          const Index point = order[f * n + i];
-          // A ray first: whoever does not see the middle does not see the whole.
-          bool sees_middle = false;
-          pairs_see(tree, {points[point], 1}, {middle, 1}, {&part.face, 1}, {&sees_middle, 1}, stop);
-          if (sees_middle && is_seen(tree, part, rounded, points[point], stop)) chosen = point;
-        }
-        if (chosen < 0) {
-          if (depth < max_depth) cut(part, later);
-          continue;
-        }
-        found.faces.push_back(part.face);
-        found.points.push_back(chosen);
-        found.depths.push_back(depth);
-        found.weights.insert(found.weights.end(), part.weights, part.weights + 9);
-        found.corners.insert(found.corners.end(), rounded, rounded + 9);
-      }
-      std::swap(now, later);
-    }
+    stop.poll();
+    certificate.add(faces[f], order.data() + f * points.size(), max_depths[f]);
   }
-  return found;
+  return std::move(certificate.found);
 }
 
 }  // namespace voxkernel

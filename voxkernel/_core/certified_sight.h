@@ -18,8 +18,9 @@ struct CertifiedParts {
 };
 
 // Assigns each facet of `faces` to a point that sees all of it; tries those of `order` (one row a facet) from first to
-// last. Facets that none of them sees as a whole are cut 1:4, `max_depth` times.
+// last. A facet that none of them sees as a whole is cut 1:4, up to the number of times given for it; parts in the dark
+// are not cut further.
 CertifiedParts certify_sight(const SightTree& tree, Points points, Indices faces, Span<const Index> order,
-                             Index max_depth, Stop& stop);
+                             Span<const Index> max_depths, Stop& stop);
 
 }  // namespace voxkernel

@@ -75,6 +75,26 @@ void cover_gains(Span<const std::uint64_t> sets, Index n_words, Span<const std::
   }
 }
 
+std::vector<Index> maximal_sets(Span<const std::uint64_t> sets, Index n_words, Stop& stop) {
+  const Index n = n_words > 0 ? sets.size() / n_words : 0;
+  const auto row = [&](Index i) { return sets.data() + i * n_words; };
+  std::vector<Index> sizes(n), order(n);
+  for (Index i = 0; i < n; ++i) sizes[i] = ones_in(row(i), row(i), n_words);
+  std::iota(order.begin(), order.end(), Index{0});
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  std::vector<Index> kept;
+  for (const Index i : order) {
+    const bool is_within = std::any_of(kept.begin(), kept.end(), [&](Index other) {
+      stop.poll();
+      Index w = 0;
+      while (w < n_words && (row(i)[w] & ~row(other)[w]) == 0) ++w;
+      return w == n_words;
+    });
+    if (!is_within) kept.push_back(i);
+  }
+  return kept;
+}
+
 std::vector<Index> find_cover(Span<const std::uint64_t> sets, Index n_words, Index count, Index need, Index max_steps,
                               Stop& stop) {
   Search search(sets, n_words, max_steps, stop);

@@ -97,29 +97,34 @@ bool walk(const SightTree& tree, const Ray& ray, const double& end, Visit&& visi
 // Looks along a segment; remembers what was in the way, which often is in the way of the next one, too.
 class Looker {
  public:
-  explicit Looker(const SightTree& tree) : tree_(tree) {}
+  explicit Looker(const SightTree& tree, Index guess = -1) : tree_(tree), last_(guess) {}
 
   bool sees(const double* point, const double* spot, Index face) {
     const double* t = tree_.corners(face);
-    if (!(orientation(t, t + 3, t + 6, point) < 0.0)) return false;
+    return orientation(t, t + 3, t + 6, point) < 0.0 && between(point, spot, face) < 0;
+  }
+
+  // A triangle on the way, -1 where there is none.
+  Index between(const double* point, const double* spot, Index face) {
     const Ray ray = ray_of(point, difference(spot, point));
     const auto blocks = [&](Index other) {
       if (other == face) return false;
       const double at = crossing(ray, tree_.corners(other)).at;
       return at > 0.0 && at < kEnd;
     };
-    if (last_ >= 0 && blocks(last_)) return false;
+    if (last_ >= 0 && blocks(last_)) return last_;
     const double end = kEnd;
-    return !walk(tree_, ray, end, [&](Index other) {
+    const bool is_blocked = walk(tree_, ray, end, [&](Index other) {
       if (!blocks(other)) return false;
       last_ = other;
       return true;
     });
+    return is_blocked ? last_ : -1;
   }
 
  private:
   const SightTree& tree_;
-  Index last_ = -1;
+  Index last_;
 };
 
 // The point of a triangle nearest to p (Ericson, Real-Time Collision Detection, 5.1.5).
@@ -171,6 +176,10 @@ void pairs_see(const SightTree& tree, Points points, Points spots, Indices spot_
     stop.poll(32);
     seen[i] = looker.sees(points[i], spots[i], spot_faces[i]);
   }
+}
+
+Index triangle_between(const SightTree& tree, const double* point, const double* spot, Index face, Index guess) {
+  return Looker(tree, guess).between(point, spot, face);
 }
 
 void first_hits(const SightTree& tree, Points starts, Points directions, Indices skip, Span<double> at, Stop& stop) {

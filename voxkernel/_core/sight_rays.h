@@ -11,6 +11,9 @@ void points_see(const SightTree& tree, Points points, Points spots, Indices spot
                 Stop& stop);
 // Whether point i sees spot i.
 void pairs_see(const SightTree& tree, Points points, Points spots, Indices spot_faces, Span<bool> seen, Stop& stop);
+// A triangle on the way from a point to a spot of a facet that it is on the inner side of, -1 where there is none.
+// `guess` is looked at first, unless it is -1.
+Index triangle_between(const SightTree& tree, const double* point, const double* spot, Index face, Index guess);
 // Distance in lengths of the direction to the first triangle that is not `skip`, infinite where there is none.
 void first_hits(const SightTree& tree, Points starts, Points directions, Indices skip, Span<double> at, Stop& stop);
 // How often the surface goes around each point: crossings of a ray, counted with their sign.

@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     """Search, print, write."""
     if args.distance is not None and not args.outside:
         raise UsageError("--distance must be given with --outside")
+    _check(args)
     picture = None if args.picture is None else check_picture(args.picture)
     output = None
     if args.output is not None:
@@ -95,6 +96,18 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check(args: argparse.Namespace) -> None:
+    """Refuse numbers that no mesh makes good, before one is read."""
+    if not 0.0 < args.coverage <= 1.0:
+        raise UsageError(f"--coverage must be in (0, 1]; got {args.coverage:g}")
+    for option, value, least in (("--max-guards", args.max_guards, 1), ("--threads", args.threads, 1)):
+        if value is not None and value < least:
+            raise UsageError(f"{option} must be at least {least}; got {value}")
+    for option, value in (("--distance", args.distance), ("--time-limit", args.time_limit)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise UsageError(f"{option} must be > 0 and finite; got {value:g}")
+
+
 def _rows(path: str, found: Any, cover: Any) -> dict[str, str]:
     low, high = found.seen_bounds
     rows = {
@@ -110,8 +123,11 @@ def _rows(path: str, found: Any, cover: Any) -> dict[str, str]:
         rows["samples"] = f"{found.bound.at_least_for_samples} guards at least for all {found.bound.n_samples} samples"
     if cover is not None:
         rows["pieces"] = f"{len(cover)}; {len(cover.left_faces)} facets are not wholly in one"
-    if found.reason:
-        rows["note"] = found.reason
+    notes = [found.reason, found.left_out]
+    if any(notes):
+        rows["note"] = "; ".join(note for note in notes if note)
+    if found.bound is not None and found.bound.reason:
+        rows["bound"] = f"may be more: {found.bound.reason}"
     for i, point in enumerate(found.points):
         rows[f"guard {i}"] = "  ".join(number(v, 10) for v in point)
     return rows

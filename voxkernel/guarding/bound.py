@@ -7,7 +7,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import find_cover
+from voxkernel._core import find_cover, maximal_sets
 from voxkernel.guarding.clock import Clock
 from voxkernel.guarding.outside import OutsideGrid, outside_grid
 from voxkernel.guarding.result import GuardBound
@@ -24,21 +24,22 @@ _AT_ONCE = 32  # cells cut where nothing says which, those that see the most
 _MOST_CELLS = 2400
 _GROWTH = 1.5
 _STEPS = 4_000_000  # of the search for a cover by cells
-_PROGRAM_SECONDS = 5.0
+_PROGRAM_SECONDS = 60.0  # of one program; it takes about one, so that the bound does not depend on the machine
 _UNITS = 1 << 30
+_NO_TIME = "the time limit is over"
 
 
 class Cells:
     """Cubes that together hold every point inside, and the samples that a point of each may see: supersets."""
 
-    def __init__(self, sight: Sight, grid: OutsideGrid, spots: Spots) -> None:
-        self.sight, self.grid, self.spots = sight, grid, spots
+    def __init__(self, sight: Sight, grid: OutsideGrid, spots: Spots, clock: Clock) -> None:
+        self.sight, self.grid, self.spots, self.clock = sight, grid, spots, clock
         half = 0.5 * float((sight.high - sight.low).max()) / _FIRST * (1.0 + 1e-9) + grid.slack
         axes = [np.arange(a + half, b + half, 2.0 * half) for a, b in zip(sight.low, sight.high, strict=True)]
         centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         halves = np.full(len(centers), half)
         nobody = np.full(len(centers), -1)
-        sets = grid.may_see(sight, centers, halves, nobody, np.zeros((1, len(spots)), np.bool_), spots)
+        sets = grid.may_see(sight, centers, halves, nobody, np.zeros((1, len(spots)), np.bool_), spots, clock)
         seeing = sets.any(axis=1)
         self.centers, self.halves, self.sets = centers[seeing], halves[seeing], sets[seeing]
 
@@ -52,7 +53,7 @@ class Cells:
         centers = (self.centers[ids, None] + signs * self.halves[ids, None, None]).reshape(-1, 3)
         # A little larger than a half: together they hold the whole for certain.
         halves = np.repeat(0.5 * self.halves[ids] * (1.0 + 1e-9) + self.grid.slack, 8)
-        sets = self.grid.may_see(self.sight, centers, halves, np.repeat(ids, 8), self.sets, self.spots)
+        sets = self.grid.may_see(self.sight, centers, halves, np.repeat(ids, 8), self.sets, self.spots, self.clock)
         kept = np.ones(len(self), np.bool_)
         kept[ids] = False
         seeing = sets.any(axis=1)
@@ -62,13 +63,8 @@ class Cells:
 
     def maximal(self) -> NDArray[np.int64]:
         """Cells whose sets are not within that of another one."""
-        order = np.argsort(-self.sets.sum(axis=1), kind="stable")
-        words = _packed(self.sets[order])
-        kept: list[int] = []
-        for i in range(len(words)):
-            if not kept or not ((words[i] & ~words[kept]) == 0).all(axis=1).any():
-                kept.append(i)
-        return order[kept]
+        words = _packed(self.sets)
+        return np.asarray(maximal_sets(words.reshape(-1), words.shape[1]))
 
 
 def guard_bound(
@@ -82,10 +78,11 @@ def guard_bound(
     `coverage`, fixed before the samples were drawn, see fewer than `n_needed` of them but with `error_probability`.
     """
     need, error = _needed(coverage)
-    if n_found == 1:  # nothing to prove
-        return GuardBound(1, 0.0, 1, coverage, _N_SAMPLES, need, 0.0, 0, "")
+    if n_found == 1 or clock.is_over:
+        reason = "" if n_found == 1 else _NO_TIME
+        return GuardBound(1, 0.0, 1, coverage, _N_SAMPLES, need, 0.0, 0, reason)
     spots = sight.samples(_N_SAMPLES, rng)
-    cells = Cells(sight, outside_grid(sight, _GRID), spots)
+    cells = Cells(sight, outside_grid(sight, _GRID, clock), spots, clock)
     least, linear, reason, n_before = 1, 0.0, "", 0
     for _ in range(_ROUNDS):
         rows = cells.maximal()
@@ -110,7 +107,7 @@ def guard_bound(
         else:
             chosen = np.union1d(chosen, rows[cover])
         if clock.is_over:
-            reason = "the time limit is over"
+            reason = _NO_TIME
             break
         room = (_MOST_CELLS - len(cells)) // 7
         small = cells.halves[chosen] < 2e-3 * sight.diagonal

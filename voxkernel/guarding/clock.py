@@ -45,6 +45,11 @@ class Clock:
         self._last = ("", 0, 0.0)
 
     @property
+    def is_endless(self) -> bool:
+        """Whether there is no limit."""
+        return self._limit is None
+
+    @property
     def is_over(self) -> bool:
         """Whether the time limit has passed."""
         return self._limit is not None and perf_counter() - self._start >= self._limit

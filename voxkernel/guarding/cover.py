@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._core import cover_gains
 from voxkernel.guarding.candidates import around, in_sight_of, start_points
 from voxkernel.guarding.clock import Clock
-from voxkernel.guarding.sight import Sight
+from voxkernel.guarding.sight import Sight, Spots
 
 __all__ = ["Cover", "union_of"]
 
@@ -19,13 +19,17 @@ _N_SAMPLES = 4096
 _N_START = 700
 _N_START_LARGE, _LARGE = 450, 50_000  # where rays take longer
 _N_AIMED = 48  # unseen samples that new candidates are looked for in sight of
+_AIMED_KEPT = 48  # of three candidates for each, those that see the most of what is unseen
 _N_NEAR = 24  # moves tried for a guard at a time
+_NEAR_KEPT = 4  # of these, by a quarter of the samples
 _REACH = 0.05  # their size, in diagonals
 _MOST_MOVED = 12  # guards moved in one round
 _ROUNDS = 3
+_FINE_ROUNDS = 7  # where little is missing
 _DROPS = 3  # guards tried to do without
 
 Words = NDArray[np.uint64]
+Confirm = Callable[[list[NDArray[np.float64]]], tuple[float, Spots]]
 
 
 def union_of(sets: list[Words], width: int, leave_out: int = -1) -> Words:
@@ -69,9 +73,8 @@ class Cover:
         self.sets = self._seen_by(self.candidates)
         self.points: list[NDArray[np.float64]] = []
         self.seen: list[Words] = []
-        if given is None and not (len(first) and _count(self.sets[0]) == len(self.spots)):
-            count = _N_START if len(sight.faces) <= _LARGE else _N_START_LARGE
-            self._propose(start_points(sight, faces, count, distance, rng))
+        self.n_needed = 0  # no fewer guards were enough when one was left out
+        self.has_start = given is not None
 
     def _seen_by(self, points: NDArray[np.float64]) -> Words:
         """In chunks, so that a time limit is kept: what was not looked at sees nothing."""
@@ -92,38 +95,58 @@ class Cover:
         order = sorted(range(len(self.points)), key=lambda i: -_count(self.seen[i]))
         self.points, self.seen = [self.points[i] for i in order], [self.seen[i] for i in order]
 
-    def run(self, coverage: float, most: int, is_confirmed: Callable[[list[NDArray[np.float64]]], float]) -> str:
-        """Add guards until `is_confirmed`, the share of fresh samples they see, is enough; say why if it is not."""
+    def run(self, coverage: float, most: int, confirm: Confirm) -> str:
+        """Add guards until fresh samples confirm it, `confirm` gives their share and the unseen; say why if not."""
         need = ceil(coverage * len(self.spots))
         while True:
             while _count(union_of(self.seen, self.width)) < need:
                 if len(self.points) >= most:
                     return "max_guards"
                 if self.clock.is_over:
+                    if not (self.has_start or len(self.candidates)):
+                        self._start()
                     while len(self.points) < most and self._add(aim=False):  # the best of what is known
                         if _count(union_of(self.seen, self.width)) >= need:
                             break
                     return "time limit"
+                if not self.has_start and (self.points or not self._is_enough(need)):
+                    self._start()
                 if not self._add():
                     return "no point sees more"
                 self._improve(need)
                 self.clock.tell("search", len(self.points), self.share)
             self._drop(need)
             self.clock.tell("confirm", len(self.points), self.share)
-            short = coverage - is_confirmed(self.points)
+            share, unseen = confirm(self.points)
+            short = coverage - share
             if short <= 0.0:
                 return ""
             if need == len(self.spots):
-                self._refresh()
+                self._refresh(unseen)
             # What is fitted to the samples flatters: ask for more of them.
             reached = _count(union_of(self.seen, self.width))
             need = min(len(self.spots), max(need + 1, reached + ceil(0.5 * short * len(self.spots))))
             if self.may_move:
-                self._improve(need)
+                self._improve(need, _FINE_ROUNDS, patient=True)
 
-    def _refresh(self) -> None:
-        """Draw other samples: all of these are seen, but the surface is not."""
-        self.spots = self.sight.samples(_N_SAMPLES, self.rng, self.faces)
+    def _is_enough(self, need: int) -> bool:
+        """Whether one candidate sees it all, so that no others are needed."""
+        return any(_count(one) >= need for one in self.sets)
+
+    def _start(self) -> None:
+        self.has_start = True
+        count = _N_START if len(self.sight.faces) <= _LARGE else _N_START_LARGE
+        self._propose(start_points(self.sight, self.faces, count, self.distance, self.rng))
+
+    def _refresh(self, unseen: Spots) -> None:
+        """Draw other samples, some of the unseen among them: all of these are seen, but the surface is not."""
+        spots = self.sight.samples(_N_SAMPLES, self.rng, self.faces)
+        count = min(len(unseen), _N_SAMPLES // 4)
+        chosen = self.rng.choice(len(unseen), count, replace=False)
+        rows = self.rng.choice(_N_SAMPLES, count, replace=False)
+        spots.places[rows], spots.faces[rows] = unseen.places[chosen], unseen.faces[chosen]
+        self.spots = spots
+        self.n_needed = 0
         self.sets = self._seen_by(self.candidates)
         self.seen = list(self.sight.sets_seen(np.array(self.points), self.spots)) if self.points else []
 
@@ -141,19 +164,29 @@ class Cover:
         return True
 
     def _aim(self, left: Words) -> None:
-        ids = np.flatnonzero(np.unpackbits(left.view(np.uint8), bitorder="little")[: len(self.spots)])
-        if not len(ids):
+        unseen = self._ids_of(left)
+        if not len(unseen):
             return
-        ids = self.rng.choice(ids, min(len(ids), _N_AIMED), replace=False)
+        ids = self.rng.choice(unseen, min(len(unseen), _N_AIMED), replace=False)
         points = in_sight_of(self.sight, self.spots.some(ids), 3, self.distance, self.rng)
-        self._propose(points)
+        self._propose(self._best_of(points, unseen, _AIMED_KEPT))
+
+    def _ids_of(self, words: Words) -> NDArray[np.int64]:
+        return np.flatnonzero(np.unpackbits(words.view(np.uint8), bitorder="little")[: len(self.spots)])
+
+    def _best_of(self, points: NDArray[np.float64], ids: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """Keep those points that see the most of some spots."""
+        if len(points) <= count:
+            return points
+        sums = np.bitwise_count(self.sight.sets_seen(points, self.spots.some(ids))).sum(axis=1)
+        return points[np.argsort(-sums.astype(np.int64), kind="stable")[:count]]
 
     def _propose(self, points: NDArray[np.float64]) -> None:
         self.candidates = np.concatenate([self.candidates, points])
         self.sets = np.concatenate([self.sets, self._seen_by(points)])
 
-    def _improve(self, need: int, rounds: int = _ROUNDS) -> None:
-        """Exchange or move one guard at a time, where that gains samples."""
+    def _improve(self, need: int, rounds: int = _ROUNDS, *, patient: bool = False) -> None:
+        """Exchange or move one guard at a time, where that gains samples; end where none does, unless patient."""
         for r in range(rounds):
             moved = False
             order = np.arange(len(self.points))
@@ -163,7 +196,7 @@ class Cover:
                 if self.clock.is_over or _count(union_of(self.seen, self.width)) >= need:
                     return
                 moved |= self._move(int(i), _REACH * 0.5**r)
-            if not moved:
+            if not (moved or patient):
                 return
 
     def _move(self, i: int, reach: float) -> bool:
@@ -178,8 +211,9 @@ class Cover:
             near = around(
                 self.sight, point, reach * self.sight.diagonal, _N_NEAR, self.distance, self.rng
             )
-            ids = np.flatnonzero(np.unpackbits(left.view(np.uint8), bitorder="little")[: len(self.spots)])
+            ids = self._ids_of(left)
             if len(near) and len(ids):
+                near = self._best_of(near, ids[::4], _NEAR_KEPT)
                 some = self.spots.some(ids)
                 sums = np.bitwise_count(self.sight.sets_seen(near, some)).sum(axis=1)
                 if int(sums.max()) > most:
@@ -192,6 +226,8 @@ class Cover:
 
     def _drop(self, need: int) -> None:
         """Leave one guard out as long as the others, moved, still see enough."""
+        if len(self.points) <= self.n_needed:
+            return
         if self.may_move and len(self.points) > 1:
             self._aim(~union_of(self.seen, self.width))
         while len(self.points) > 1 and not self.clock.is_over:
@@ -204,4 +240,5 @@ class Cover:
                     break
                 self.points, self.seen = list(kept[0]), list(kept[1])
             else:
+                self.n_needed = len(self.points)
                 return

@@ -10,21 +10,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_depth, as_points, as_positive, read_only
 from voxkernel.guarding.bound import guard_bound
-from voxkernel.guarding.certificate import certified_parts, middles_of
+from voxkernel.guarding.certificate import middles_of
 from voxkernel.guarding.clock import Clock, GuardsProgress
 from voxkernel.guarding.cover import Cover
+from voxkernel.guarding.measuring import CONFIDENCE, FRESH, Confirmed, measure
 from voxkernel.guarding.result import Guards
 from voxkernel.guarding.sight import Sight, look_at
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
-from voxkernel.relaxed.best_center import GAP, center_of_planes
+from voxkernel.relaxed.best_center import center_of_planes
 from voxkernel.relaxed.facet_weights import weigh
 
 __all__ = ["guards"]
 
-_CONFIDENCE = 0.95
-_FRESH = 100_000
 _MOST = 10_000
+_MARGIN = 1.0  # of a search that goes on, see Confirmed
+_GAP = 1e-3  # of the point that faces the most, one candidate of many where the kernel is empty
 
 
 def guards(
@@ -66,7 +67,8 @@ def guards(
     threads : int
         Threads; the result does not depend on it, unless a time limit ends the search.
     time_limit : float, optional
-        Seconds after which the best cover so far is returned with its numbers, > 0.
+        Seconds after which the best cover so far is returned with its numbers, > 0; what there was no time for is in
+        `left_out` and in the `reason` of the bound.
     progress : callable, optional
         Called with a `GuardsProgress` while work goes on.
     rng : int
@@ -96,7 +98,8 @@ def guards(
     outside.
 
     Samples of the area, candidates (the point of `best_center`, middles of chords, a lattice, points in sight of what
-    is unseen), a greedy cover, exchange and moves; accepted only when fresh samples confirm it. The point of
+    is unseen), a greedy cover, exchange and moves; accepted only when fresh samples confirm it. Where the last
+    measurement does not, the search goes on once with a margin, and other samples measure what it found. The point of
     `best_center` is the only guard where the kernel is not empty and holds a point that doubles can name. `certified`
     counts facets f for which no facet enters the hull of f and the guard: separating planes, decided exactly.
 
@@ -135,18 +138,25 @@ def guards(
         away = 0.5 * sight.diagonal
         if distance is not None:
             away = float(np.ldexp(as_positive("distance", distance), -sight.exponent))
-    found = _searched(sight, argument, share, most, given, away, np.random.default_rng([seed, 0]), clock)
-    measured = _measured(sight, found.points, np.random.default_rng([seed, 1]), clock)
-    reason = found.reason
-    low = measured.bounds[0]
-    is_reached = low >= share or (measured.seen == 1.0 and not reason)
+    search, fresh = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+    covers: dict[int, Cover] = {}
+    for margin in (0.0, _MARGIN):
+        found = _searched(sight, argument, share, most, given, away, search, clock, covers, margin)
+        measured = measure(sight, found.points, fresh, clock)
+        reason = found.reason
+        is_reached = measured.bounds[0] >= share or (
+            measured.seen == 1.0 and measured.n_samples == FRESH and not reason
+        )
+        if is_reached or reason or clock.is_over:
+            break
     if not is_reached and not reason:
-        reason = f"the {_FRESH:,} fresh samples do not confirm it: {measured.seen:.6g} are seen"
+        reason = f"the {measured.n_samples:,} fresh samples do not confirm it: {measured.seen:.6g} are seen"
     result = Guards(
         points=read_only(sight.to_world(found.points)), seen=measured.seen, seen_bounds=measured.bounds,
-        confidence=_CONFIDENCE, n_samples=_FRESH, certified=measured.certified, facing_bound=measured.facing,
+        confidence=CONFIDENCE, n_samples=measured.n_samples, certified=measured.certified, facing_bound=measured.facing,
         first_seen=read_only(_of_all_faces(sight, mesh, measured.middles)), bodies=read_only(found.bodies),
         coverage=share, is_reached=is_reached, reason="" if is_reached else reason, side=side,
+        left_out=f"the time limit is over: {measured.left_out}" if measured.left_out else "",
         distance=float(np.ldexp(away, sight.exponent)), bound=None, parts=measured.parts, mesh=mesh,
     )  # fmt: skip
     if not bound:
@@ -164,26 +174,21 @@ class _Found(NamedTuple):
     reason: str
 
 
-class _Measured(NamedTuple):
-    seen: float
-    bounds: tuple[float, float]
-    certified: float
-    facing: float
-    middles: NDArray[np.int64]
-    parts: Any
-
-
 def _searched(
     sight: Sight, argument: SurfaceArgument, coverage: float, most: int, given: NDArray[np.float64] | None,
-    distance: float, rng: np.random.Generator, clock: Clock,
+    distance: float, rng: np.random.Generator, clock: Clock, covers: dict[int, Cover], margin: float,
 ) -> _Found:  # fmt: skip
-    """Search the bodies one after the other, the largest first."""
+    """Search the bodies one after the other, the largest first; go on with the covers that are there."""
     points: list[NDArray[np.float64]] = []
     owners: list[int] = []
     reasons: list[str] = []
     local = None if given is None else sight.to_local(given)
+    elsewhere = ""
     if local is not None:
-        local = local[sight.allowed(local)]
+        may_stand = sight.allowed(local)
+        if not may_stand.all():
+            elsewhere = f"{int((~may_stand).sum())} of {len(local)} `candidates` are not where guards may be"
+        local = local[may_stand]
     areas = np.bincount(sight.bodies, sight.areas, sight.n_bodies)
     for body in np.argsort(-areas, kind="stable").tolist():
         faces = np.flatnonzero(sight.bodies == body)
@@ -191,15 +196,19 @@ def _searched(
             why = "max_guards" if len(points) >= most else "time limit"
             reasons.append(_words(why, most, 0.0, sight, faces, points))
             continue
-        first = _first_points(sight, argument, body) if local is None else np.zeros((0, 3))
-        cover = Cover(sight, faces, first, local, distance, rng, clock)
-        confirm = _Confirmed(sight, faces, coverage, rng)
+        if body not in covers:
+            first = _first_points(sight, argument, body) if local is None else np.zeros((0, 3))
+            covers[body] = Cover(sight, faces, first, local, distance, rng, clock)
+        cover = covers[body]
+        confirm = Confirmed(sight, faces, coverage, margin, rng, clock)
         why = cover.run(coverage, most - len(points), confirm)
         cover.sort()
         points += cover.points
         owners += [body] * len(cover.points)
         if why:
             reasons.append(_words(why, most, cover.share, sight, faces, cover.points))
+    if reasons and elsewhere:
+        reasons.insert(0, elsewhere)
     kept = np.array(points).reshape(-1, 3)
     return _Found(kept, np.array(owners, np.int64), "; ".join(dict.fromkeys(reasons)))
 
@@ -214,70 +223,9 @@ def _first_points(sight: Sight, argument: SurfaceArgument, body: int) -> NDArray
         assert mesh is not None
         rows = sight.face_ids[sight.bodies == body]
         part = surface_argument(TriangleMesh.from_triangles(mesh.vertices, mesh.faces[rows]))
-    center = center_of_planes(weigh(part.halfspaces), part, None, GAP)
+    center = center_of_planes(weigh(part.halfspaces), part, None, _GAP)
     point = sight.to_local(center.point[None])
     return point if center.violation_bounds[1] == 0.0 else point[sight.allowed(point)]
-
-
-class _Confirmed:
-    """Measures on fresh samples what points see, less what the samples may flatter; new ones at every call."""
-
-    def __init__(self, sight: Sight, faces: NDArray[np.int64], coverage: float, rng: np.random.Generator) -> None:
-        self._sight, self._faces, self._coverage, self._rng = sight, faces, coverage, rng
-
-    def __call__(self, points: list[NDArray[np.float64]]) -> float:
-        """Give the lower end of the interval; 1 where all samples are seen."""
-        spots = self._sight.samples(_FRESH, self._rng, self._faces)
-        some = spots.some(np.arange(0, _FRESH, 10))
-        places = np.array(points)
-        quick = float((self._sight.first_seen(places, some) >= 0).mean())
-        if quick < self._coverage - 0.004:
-            return quick
-        n_seen = int((self._sight.first_seen(places, spots) >= 0).sum())
-        return 1.0 if n_seen == _FRESH else _interval(n_seen)[0]
-
-
-def _measured(
-    sight: Sight, points: NDArray[np.float64], rng: np.random.Generator, clock: Clock
-) -> _Measured:
-    spots = sight.samples(_FRESH, rng)
-    clock.tell("confirm")
-    n_seen = int((sight.first_seen(points, spots) >= 0).sum())
-    middles = sight.first_seen(points, middles_of(sight))
-    clock.tell("certify")
-    parts, certified = certified_parts(sight, points, middles)
-    facing = _facing(sight, points)
-    low, high = _interval(n_seen)
-    bounds = (max(low, certified), max(certified, min(high, facing)))
-    seen = min(max(n_seen / _FRESH, certified), max(certified, facing))
-    return _Measured(seen, bounds, certified, facing, middles, parts)
-
-
-def _facing(sight: Sight, points: NDArray[np.float64]) -> float:
-    """Share of the faces with a point on their inner side; planes that floats cannot tell are counted in."""
-    corners = sight.vertices[sight.faces]
-    faced = np.zeros(len(corners), np.bool_)
-    for point in points:
-        to_point = point - corners[:, 0]
-        sizes = np.linalg.norm(to_point, axis=1) * 1e-15
-        faced |= np.einsum("ij,ij->i", sight.normals, to_point) < 4.0 * sizes + 1e-300
-    if faced.all():
-        return 1.0
-    return min(1.0, float(sight.areas[faced].sum() / sight.areas.sum()) * (1.0 + 4.0 * len(corners) * 2.0**-53))
-
-
-def _interval(n_seen: int) -> tuple[float, float]:
-    """Clopper and Pearson, "The use of confidence or fiducial limits", Biometrika 26, 1934.
-
-    One sample in each stratum: a sum of unlike coins is closer to its mean than that of like ones (W. Hoeffding, "On
-    the distribution of the number of successes in independent trials", Ann. Math. Statist. 27, 1956).
-    """
-    from scipy.special import betaincinv
-
-    tail = 0.5 * (1.0 - _CONFIDENCE)
-    low = float(betaincinv(n_seen, _FRESH - n_seen + 1, tail)) if n_seen else 0.0
-    high = float(betaincinv(n_seen + 1, _FRESH - n_seen, 1.0 - tail)) if n_seen < _FRESH else 1.0
-    return low, high
 
 
 def _of_all_faces(sight: Sight, mesh: TriangleMesh, middles: NDArray[np.int64]) -> NDArray[np.int64]:

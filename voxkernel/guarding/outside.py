@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from voxkernel._core import cells_may_see, clearances
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
+from voxkernel.guarding.clock import Clock
 from voxkernel.guarding.sight import Sight, Spots, turns_around
 
 __all__ = ["OutsideGrid", "outside_grid"]
 
+_NODES_AT_ONCE, _CELLS_AT_ONCE = 8192, 32  # between two looks at the clock
 _MARGIN = 3  # nodes around the bounding box
 _MOST_HOLLOWS = 32  # parts of space away from the surface that are looked at, the largest
 
@@ -34,17 +36,23 @@ class OutsideGrid(Frozen):
 
     def may_see(
         self, sight: Sight, centers: NDArray[np.float64], halves: NDArray[np.float64], parents: NDArray[np.int64],
-        before: NDArray[np.bool_], spots: Spots,
+        before: NDArray[np.bool_], spots: Spots, clock: Clock,
     ) -> NDArray[np.bool_]:  # fmt: skip
-        """Whether a cell may hold a point that sees a spot; what its parent cannot see, it cannot."""
+        """Whether a cell may hold a point that sees a spot; what its parent cannot see, it cannot.
+
+        When the time is over cells may see what their parents may: supersets still.
+        """
         n = len(spots)
         found = np.zeros((len(centers), n), np.bool_)
         normals = np.ascontiguousarray(sight.normals[spots.faces])
-        parts = np.array_split(np.arange(len(centers)), max(1, min(sight.threads, len(centers))))
+        n_parts = max(sight.threads, -(-len(centers) // _CELLS_AT_ONCE))
+        parts = np.array_split(np.arange(len(centers)), max(1, min(n_parts, len(centers))))
         inherited = np.ascontiguousarray(before).reshape(-1)
 
         def work(ids: NDArray[np.int64], stop: Any) -> None:
-            if len(ids):
+            if clock.is_over:
+                found[ids] = np.where(parents[ids, None] >= 0, before[parents[ids]], True)
+            elif len(ids):
                 rows = found[ids[0] : ids[-1] + 1].reshape(-1)
                 cells_may_see(
                     self.distances, self.low, self.step, np.ascontiguousarray(centers[ids]),
@@ -56,8 +64,8 @@ class OutsideGrid(Frozen):
         return found
 
 
-def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
-    """Measure distances at the nodes of a grid and flood it from its border.
+def outside_grid(sight: Sight, resolution: int, clock: Clock) -> OutsideGrid:
+    """Measure distances at the nodes of a grid and flood it from its border; nodes there is no time for have 0.
 
     Two neighbours are on one side of the surface where one of them is farther from it than they are apart. So what the
     flood reaches is outside for certain; narrow gaps are not reached, and hide nothing. So are hollows that the surface
@@ -73,11 +81,12 @@ def outside_grid(sight: Sight, resolution: int) -> OutsideGrid:
     axes = [a + step * np.arange(n) for a, n in zip(low, shape, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     slack = 1e-12 * (float(np.abs(nodes).max()) + sight.diagonal)
-    found = np.empty(len(nodes))
-    parts = np.array_split(np.arange(len(nodes)), sight.threads)
+    found = np.zeros(len(nodes))
+    parts = np.array_split(np.arange(len(nodes)), max(sight.threads, -(-len(nodes) // _NODES_AT_ONCE)))
 
     def work(ids: NDArray[np.int64], stop: Any) -> None:
-        clearances(sight.tree, np.ascontiguousarray(nodes[ids]), found[ids[0] : ids[-1] + 1], stop)
+        if not clock.is_over:
+            clearances(sight.tree, np.ascontiguousarray(nodes[ids]), found[ids[0] : ids[-1] + 1], stop)
 
     run_parts(work, parts, sight.threads)
     distances = np.maximum(found - slack, 0.0).reshape(shape)

@@ -79,7 +79,7 @@ class Guards(Frozen):
     confidence : float
         Of `seen_bounds`.
     n_samples : int
-        Fresh samples.
+        Fresh samples; 100,000 unless a time limit ended their count.
     certified : float
         Share of the area in facets, or parts of facets, that are proven to be seen as a whole; rounded down.
     facing_bound : float
@@ -95,6 +95,9 @@ class Guards(Frozen):
         Whether the fresh samples confirm `coverage`: the lower of `seen_bounds` is not below it, or all are seen.
     reason : str
         Why `coverage` is not reached; "" when it is.
+    left_out : str
+        What a time limit left out of `seen`, `first_seen` and `certified`, which hold for what was done; "" when
+        nothing.
     side : {"inside", "outside"}
         The side of the facets that is seen.
     distance : float
@@ -119,6 +122,7 @@ class Guards(Frozen):
     coverage: float
     is_reached: bool
     reason: str
+    left_out: str
     side: Literal["inside", "outside"]
     distance: float
     bound: GuardBound | None
@@ -158,6 +162,7 @@ class Guards(Frozen):
             "coverage": self.coverage,
             "is_reached": self.is_reached,
             "reason": self.reason,
+            "left_out": self.left_out,
             "side": self.side,
             "distance": self.distance,
             "bound": None if self.bound is None else self.bound.to_dict(),
