@@ -57,7 +57,6 @@ def label_stars(
     most_steps : int
         Voxels that may be looked at to certify the best one of an object of more than 6,000 voxels, >= 0; 200 million
         take about a second. Smaller objects are always certified.
-
     objects : LabelObjects, optional
         What `find_objects` has found in this image, to look at some of its objects at a time.
 
@@ -76,9 +75,9 @@ def label_stars(
     A segment between two voxel centres touches the voxels whose open cube it meets; through an edge or a corner it
     goes on diagonally. V(x) is the share of an object's voxels whose segment to voxel x touches only voxels of the
     object: Werghi's Star(x, S), Definition 2, in voxels. The segment rule is evaluated in integers. It does not depend
-    on the spacing. The maximum V* is found by racing: candidates from the deepest on, targets that were hidden before
-    first, until more are hidden than from the best voxel so far; whole blocks of candidates are ruled out by a coarser
-    image.
+    on the spacing. The maximum V* is found by branch and bound: what is hidden from the middle of a block of voxels in
+    the object, widened by half the block, is hidden from the whole block; blocks of which less is hidden are looked
+    into, down to single voxels, from which whole rows of voxels are decided at once.
 
     Examples
     --------
