@@ -1,4 +1,4 @@
-"""The best voxel beside looking from every voxel: how much it sees, which one it is, and bounds where it stops early."""
+"""The best voxel beside looking from every voxel: how much it sees, which one it is, bounds when stopped early."""
 
 import label_shapes
 import numpy as np
