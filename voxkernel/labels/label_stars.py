@@ -17,7 +17,7 @@ from voxkernel.labels.image_files import read_labels
 from voxkernel.labels.label_image import LabelImage, as_spacing
 from voxkernel.labels.label_surface import SurfaceRow, surface_row
 from voxkernel.labels.label_table import LabelStars, rays_needed, reason_of
-from voxkernel.labels.objects import LabelObjects, crop_of, find_objects
+from voxkernel.labels.objects import LabelObjects, check_crop, check_objects, crop_of, find_objects
 from voxkernel.labels.one_object import ImageFrame, ObjectRow, object_row
 from voxkernel.labels.ray_sets import ray_set
 
@@ -92,7 +92,7 @@ def label_stars(
     counts = as_ray_counts(n_rays, len(image.shape))
     n_threads = as_depth("threads", threads, 1, 256)
     frame = frame_of(image, counts, as_depth("most_steps", most_steps, 0, 2**62))
-    found = find_objects(image, threads=n_threads) if objects is None else objects
+    found = find_objects(image, threads=n_threads) if objects is None else check_objects(image, objects)
     chosen = np.arange(len(found)) if ids is None else _chosen(found, ids)
     return stars_of(image, found, chosen, frame, counts, surface=bool(surface), threads=n_threads)
 
@@ -140,6 +140,7 @@ def stars_of(
         for i in order[first : first + _PART].tolist():
             low = objects.low[i].tolist()
             crop = crop_of(image, objects, i)
+            check_crop("objects", crop, objects, i)
             row = object_row(crop, [0, *low] if image.is_flat else low, frame, stop)
             rows[i] = row, surface_row(crop, frame.spacing) if surface and not image.is_flat else SurfaceRow()
 
