@@ -170,6 +170,21 @@ def test_files_that_are_no_label_images(tmp_path, volume, name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", [name for name in WRITERS if "zarr" not in name])
+def test_cut_files_are_refused(tmp_path, volume, name):
+    """Wherever a file ends too early, no voxels are made up for those that are gone."""
+    WRITERS[name](tmp_path / name, volume)
+    data = (tmp_path / name).read_bytes()
+    for size in (0, 1, 99, *range(200, len(data), len(data) // 7), len(data) - 3):
+        (tmp_path / name).write_bytes(data[:size])
+        try:
+            voxels = read_labels(tmp_path / name, spacing=SPACING).to_array()
+        except GridReadError as error:
+            assert "\n" not in str(error)
+        else:  # a name or a number behind the voxels may be lost
+            assert np.array_equal(voxels, volume)
+
+
 @pytest.mark.parametrize("suffix", [".tif", ".nii", ".nii.gz", ".npz"])
 @pytest.mark.parametrize("what", ["seen", "visible"])
 def test_maps_come_back(tmp_path, suffix, what):

@@ -21,7 +21,7 @@ __all__ = ["LabelImage", "as_spacing", "block_boxes"]
 
 _BLOCK_BYTES = 1 << 25  # of a block that is scanned at once
 _LEAST_SPACING = 1e-60  # volumes and squares of it are numbers
-_CACHE_BYTES = 1 << 26  # of chunks that are kept unpacked
+_CACHE_BYTES = 1 << 25  # of chunks that are kept unpacked
 
 
 class _Chunks:
