@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -47,7 +47,7 @@ class _Complaints(logging.Handler):
 
 
 @contextmanager
-def _whole() -> Iterator[None]:
+def _whole() -> Generator[None]:
     """Refuse a file that tifffile would read in part, with zeros for the rest."""
     complaints, logger = _Complaints(), logging.getLogger("tifffile")
     logger.addHandler(complaints)
