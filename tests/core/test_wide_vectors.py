@@ -9,15 +9,17 @@ import numpy as np
 from grids import random_grid
 from test_octree_cells import many_planes, reach_of, run_relaxed, unit_planes
 
+from voxkernel import star_polyhedra_kernels
 from voxkernel._core import exact_cells, facet_planes, least_violated, plane_signs, points_in_table, violation_cells
 from voxkernel.grid.lookup import ActiveTable
+from voxkernel.labels.ray_sets import golden_rays
 
 SUMMARY = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import hashlib
-from test_wide_vectors import octrees, planes, queries
-for found in (octrees, planes, queries):
+from test_wide_vectors import octrees, planes, queries, stars
+for found in (octrees, planes, queries, stars):
     print(hashlib.sha256(found()).hexdigest())
 """
 
@@ -75,6 +77,14 @@ def queries():
         assert 100 < active.sum() < 9000
         found += active.tobytes()
     return found
+
+
+def stars():
+    """Kernels of a few star polyhedra."""
+    distances = 1.0 + 0.2 * np.random.default_rng(6).random((20, 96))
+    kernels = star_polyhedra_kernels(np.zeros((20, 3)), distances, golden_rays(96))
+    assert kernels.n_general == 0
+    return kernels.volume.tobytes() + kernels.low.tobytes()
 
 
 def test_plain_and_wide_passes_agree():

@@ -139,6 +139,16 @@ def test_threads_and_ids_do_not_change_rows(rng):
     assert all(rows[label] == row for label, *row in zip(*few.to_dict().values(), strict=True))
 
 
+@pytest.mark.parametrize("unit", [1e-60, 1e-9, 1e9, 1e59])
+def test_units_do_not_change_answers(unit):
+    image = label_shapes.c_shape(9, 2)
+    stars, expected = (label_stars(image, spacing=(2 * u, u, u), n_rays=(32,)) for u in (unit, 1.0))
+    one, two = stars.to_dict(), expected.to_dict()
+    for name in one:
+        if not name.startswith("center_world"):
+            assert one[name] == (pytest.approx(two[name]) if name == "elongation" else two[name])
+
+
 def test_borders():
     image = np.zeros((4, 5, 6), np.uint8)
     image[1:3, 1:3, 1:3] = 1
@@ -172,6 +182,10 @@ def test_surfaces():
     assert np.isnan(only(ellipsoid).kernel_ratio[0])
 
 
+def objects_of(image):
+    return find_objects(LabelImage.from_array(image, spacing=(1, 1)))
+
+
 WRONG = {
     "must have 2 or 3 axes; got 4": (np.ones((2, 2, 2, 2), int), {"spacing": (1, 1, 1, 1)}),
     "must have 2 or 3 axes; got 1": (np.ones(3, int), {"spacing": (1,)}),
@@ -189,6 +203,17 @@ WRONG = {
     "`spacing` must have one number for each of 2 axes; got 3": (np.ones((2, 2), int), {"spacing": (1, 1, 1)}),
     "`spacing` must be > 0; got 0": (np.ones((2, 2), int), {"spacing": (1, 0)}),
     "`spacing` must not differ by more than": (np.ones((2, 2), int), {"spacing": (1, 1e-7)}),
+    "`spacing` must be from 1e-60 to 1e.60; got": (np.ones((2, 2), int), {"spacing": (1e-61, 1e-61)}),
+    "`labels` must not be masked": (np.ma.masked_array(np.ones((2, 2), int)), {"spacing": (1, 1)}),
+    "`objects` must be LabelObjects, from `find_objects`; got int": (
+        np.ones((2, 2), int), {"spacing": (1, 1), "objects": 3},
+    ),
+    "`objects` must be of this image; got 4 voxels of label 2, which has 0": (
+        np.ones((2, 2), int), {"spacing": (1, 1), "objects": objects_of([[2, 2]] * 2)},
+    ),
+    "`objects` must be of this image; got boxes outside its shape": (
+        np.ones((2, 2), int), {"spacing": (1, 1), "objects": objects_of([[1] * 3])},
+    ),
     "`spacing` must be a sequence of numbers": (np.ones((2, 2), int), {"spacing": 1.0}),
     "`n_rays` must be in 3..4096; got 2": (np.ones((2, 2), int), {"spacing": (1, 1), "n_rays": (2,)}),
     "`n_rays` must be in 4..4096; got 3": (np.ones((2, 2, 2), int), {"spacing": (1, 1, 1), "n_rays": (3,)}),

@@ -19,16 +19,20 @@ def test_an_octahedron_is_its_own_kernel():
     assert kernels.n_general == 0
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.1, 0.6, 3.0])
+@pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-4, 0.1, 0.6, 3.0])
 def test_beside_the_exact_kernel(rng, spread):
     rays = golden_rays(32)
     distances = np.exp(spread * rng.normal(size=(6, 32)))
-    kernels = star_polyhedra_kernels(rng.normal(size=(6, 3)), distances, rays, threads=2)
+    centers = rng.normal(size=(6, 3))
+    kernels = star_polyhedra_kernels(centers, distances, rays, threads=2)
     assert (kernels.volume > 0).all()
     assert (kernels.volume <= kernels.polyhedron_volume * (1 + 1e-9)).all()
     for i in range(6):
         exact = voxkernel.exact_kernel((rays * distances[i][:, None], outward_faces(rays)))
-        assert kernels.volume[i] == pytest.approx(exact.volume, rel=1e-6)
+        assert kernels.volume[i] == pytest.approx(exact.volume, rel=1e-8)
+        low, high = exact.vertices.min(axis=0), exact.vertices.max(axis=0)
+        for ends, expected in ((kernels.low[i] - centers[i], low), (kernels.high[i] - centers[i], high)):
+            np.testing.assert_allclose(ends, expected, atol=1e-8 * np.ptp(exact.vertices))
 
 
 def test_threads_do_not_change_rows(rng):

@@ -3,10 +3,12 @@
 import os
 import shutil
 
+import label_shapes
 import numpy as np
 import pytest
 from report_runs import HOSTILE, cell_row, large_run, write_run
 
+from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.report import write_report
 from voxkernel.report.rows import load_rows
 from voxkernel.report.text import readable
@@ -294,3 +296,27 @@ def test_printing_shows_rows(opened, report):
 
 def _light(css):
     return sum(float(v) for v in css[css.index("(") + 1 : -1].split(",")[:3])
+
+
+def test_objects_of_label_images_are_found_by_number_and_reason(opened, tmp_path):
+    image = np.zeros((9, 9, 27), np.uint8)
+    image[:, :, :9] = label_shapes.ball(9)
+    image[:4, :, 9:18] = 2 * label_shapes.c_shape(9, 2).repeat(2, 0)
+    image[1:4, 1:4, 18:21] = image[5:8, 5:8, 23:26] = 3
+    np.savez(tmp_path / "three.npz", labels=image, spacing=np.ones(3))
+    settings = EvaluateSettings(label_images=True, thumbnails=False, workers=1)
+    evaluate([tmp_path / "three.npz"], output=tmp_path / "run", settings=settings)
+    write_report(tmp_path / "report.html", tmp_path / "run")
+    page = opened(tmp_path / "report.html")
+    found = {}
+    for words in ("object 2", "hidden part", "fragment", "three", "elongated"):
+        page.fill("#search", words)
+        found[words] = page.evaluate(f"{SHOWN}.map((row) => row.dataset.row)")
+    assert found == {
+        "object 2": ["1"], "hidden part": ["1"], "fragment": ["2"], "three": ["0", "1", "2"], "elongated": [],
+    }  # fmt: skip
+    page.fill("#search", "object 3")
+    page.click("#body button")
+    assert page.inner_text("#shape-name").endswith("three.npz object 3")
+    overlaps = page.evaluate("[...document.querySelectorAll('#facts dd')].map((dd) => dd.textContent)")
+    assert not any(len(item) > 9 for text in overlaps for item in text.split(", ") if item.startswith("0."))

@@ -1,237 +1,213 @@
 #include "best_voxel.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
-#include <utility>
+#include <memory>
+#include <queue>
+#include <tuple>
 #include <vector>
 
-#include "label_blocks.h"
-#include "label_view.h"
+#include "label_rows.h"
 
 namespace voxkernel {
 namespace {
 
-constexpr Index kFewTargets = 192, kTargets = 1024;  // of the search, in one fixed random order
-constexpr Index kStarts = 128, kClimbs = 3;
-constexpr Index kMostBlocks = 1200;
-constexpr Index kSmall = 10000;  // voxels
+constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
+constexpr Index kMostBlocks = 1200;  // of the coarsest
 
-struct Place {
-  std::int32_t ijk[3];
+// A cube of voxels of the crop, or a square: candidates that are bounded together.
+struct Block {
+  Index hidden;  // at least so many voxels from each of its voxels
+  Index rank;    // of its deepest voxel
+  Index edge;
+  Index low[3];
+  // Least hidden first, then the deepest.
+  bool operator<(const Block& other) const { return std::tie(other.hidden, other.rank) < std::tie(hidden, rank); }
 };
 
+// Best first among blocks: each is looked at from its middle in the object widened by half its edge, which tells how
+// much is hidden from all of it.
 class Search {
  public:
   Search(const Crop& crop, Doubles depths, Stop& stop);
   BestVoxel run(Index always, Index most_steps);
 
  private:
-  bool sees(Index from, Index to);
-  Index hidden(Index from, Index n_targets, Index enough);
-  Index count(Index v);
-  void consider(Index v);
+  struct Level {
+    Index edge;
+    std::unique_ptr<LabelRows> rows;
+  };
+
   void climb();
-  Index climbed(Index start);
-  void bound();
-  void race(Index limit);
-  Index hidden_in_race(Index v, Index enough);
-  Index least_hidden(Index v) const { return blocks_.hidden[blocks_.of_voxel[v]]; }
+  void cut(const Block& block, Index edge);
+  Index bound(const Block& block);
+  void look_into(const Block& block);
+  bool consider(Index rank);
+  Index enough(Index rank) const { return least_ - (rank < winner_ ? 0 : 1); }
+  bool is_over() const { return best_.n_steps >= limit_; }
+  template <typename Visit>
+  void each_voxel(const Block& block, Visit&& visit) const;
 
   const Crop& crop_;
   Stop& stop_;
-  LabelView view_;
-  std::vector<Index> voxels_;  // positions in the crop
-  std::vector<Place> places_;
-  std::vector<Index> by_depth_;       // deepest first
-  std::vector<Index> targets_;        // a random order
-  std::vector<std::int32_t> number_;  // of each position, -1 outside; made when needed
-  LabelBlocks blocks_;
+  std::vector<Index> by_depth_;         // positions in the crop, deepest first
+  std::vector<std::int32_t> ranks_;     // of each position, -1 outside
+  std::vector<std::uint8_t> is_known_;  // of each rank, whether it was looked at
+  LabelRows rows_;
+  std::vector<Level> levels_;  // the widened ones, finest first
+  std::priority_queue<Block> queue_;
+  Index least_ = 0, winner_ = 0;  // what is hidden from the best so far, and its rank
+  Index limit_ = 0;
+  Index open_ = INT64_MAX;  // the least that may be hidden from a voxel that was not looked at
   BestVoxel best_;
-  Index best_voxel_ = 0;  // its number
 };
 
-Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop_(stop), view_(crop) {
+Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop_(stop), rows_(crop, 0) {
   for (Index v = 0; v < crop.size(); ++v) {
-    if (crop.bytes[v] != 0) voxels_.push_back(v);
-  }
-  const Index n = static_cast<Index>(voxels_.size());
-  places_.resize(n);
-  by_depth_.resize(n);
-  for (Index v = 0; v < n; ++v) {
-    Index ijk[3];
-    crop.position(voxels_[v], ijk);
-    for (int a = 0; a < 3; ++a) places_[v].ijk[a] = static_cast<std::int32_t>(ijk[a]);
-    by_depth_[v] = v;
+    if (crop.bytes[v] != 0) by_depth_.push_back(v);
   }
   // Only the deepest is needed where it sees all.
-  const auto is_deeper = [&](Index a, Index b) {
-    const double one = depths[voxels_[a]], two = depths[voxels_[b]];
-    return one != two ? one > two : a < b;
-  };
+  const auto is_deeper = [&](Index a, Index b) { return depths[a] != depths[b] ? depths[a] > depths[b] : a < b; };
   std::iter_swap(by_depth_.begin(), std::min_element(by_depth_.begin(), by_depth_.end(), is_deeper));
-  best_voxel_ = by_depth_[0];
-  best_.deepest = best_.voxel = voxels_[best_voxel_];
-  best_.deepest_seen = best_.n_seen = count(best_voxel_);
-  best_.upper = n;
-  if (best_.n_seen == n) return;
-  std::sort(by_depth_.begin(), by_depth_.end(), is_deeper);
-  targets_.resize(n);
-  for (Index v = 0; v < n; ++v) targets_[v] = v;
-  std::uint64_t state = 88172645463325252u;  // Marsaglia's xorshift, the same for every object
-  for (Index v = n - 1; v > 0; --v) {
-    state ^= state << 13;
-    state ^= state >> 7;
-    state ^= state << 17;
-    std::swap(targets_[v], targets_[static_cast<Index>(state % static_cast<std::uint64_t>(v + 1))]);
+  const Index n = static_cast<Index>(by_depth_.size());
+  Index ijk[3];
+  crop.position(by_depth_[0], ijk);
+  least_ = rows_.hidden(ijk, n, best_.n_steps, stop);
+  best_.deepest = by_depth_[0];
+  best_.deepest_seen = n - least_;
+  if (least_ == 0) return;
+  std::sort(by_depth_.begin() + 1, by_depth_.end(), is_deeper);
+  ranks_.assign(static_cast<std::size_t>(crop.size()), -1);
+  is_known_.assign(static_cast<std::size_t>(n), 0);
+  is_known_[0] = 1;
+  for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+}
+
+template <typename Visit>
+void Search::each_voxel(const Block& block, Visit&& visit) const {
+  Index high[3];
+  for (int a = 0; a < 3; ++a) high[a] = std::min(block.low[a] + block.edge, crop_.shape[a]);
+  for (Index i = block.low[0]; i < high[0]; ++i) {
+    for (Index j = block.low[1]; j < high[1]; ++j) {
+      for (Index k = block.low[2]; k < high[2]; ++k) {
+        const Index rank = ranks_[crop_.flat(i, j, k)];
+        if (rank >= 0) visit(rank);
+      }
+    }
   }
 }
 
-bool Search::sees(Index from, Index to) {
-  Index d[3];
-  for (int a = 0; a < 3; ++a) d[a] = places_[to].ijk[a] - places_[from].ijk[a];
-  const Index before = best_.n_steps;
-  const bool is_seen = view_.sees(voxels_[from], d, best_.n_steps);
-  stop_.poll(1 + best_.n_steps - before);
-  return is_seen;
+// Of voxels from which equally much is hidden the deepest counts: the one of the lowest rank.
+bool Search::consider(Index rank) {
+  if (is_known_[rank] != 0) return false;
+  is_known_[rank] = 1;
+  Index ijk[3];
+  crop_.position(by_depth_[rank], ijk);
+  const Index h = rows_.hidden(ijk, enough(rank), best_.n_steps, stop_);
+  if (h > enough(rank)) return false;
+  least_ = h;
+  winner_ = rank;
+  return true;
 }
 
-Index Search::hidden(Index from, Index n_targets, Index enough) {
-  Index n = 0;
-  for (Index t = 0; t < n_targets && n < enough; ++t) n += sees(from, targets_[t]) ? 0 : 1;
-  return n;
-}
-
-Index Search::count(Index v) {
-  const Index center[3] = {places_[v].ijk[0], places_[v].ijk[1], places_[v].ijk[2]};
-  best_.n_steps += crop_.size();
-  return view_.count(center, {}, stop_);
-}
-
-void Search::consider(Index v) {
-  const Index n = count(v);
-  if (n <= best_.n_seen) return;
-  best_.n_seen = n;
-  best_voxel_ = v;
-}
-
-// A few good starts among voxels spread over all depths, and steps that become shorter from each.
+// From the deepest voxel by steps that become shorter: the more is seen from the best so far, the sooner blocks and
+// voxels are ruled out.
 void Search::climb() {
-  const Index n = static_cast<Index>(voxels_.size());
-  const Index few = std::min(n, kFewTargets);
-  number_.assign(crop_.size(), -1);
-  for (Index v = 0; v < n; ++v) number_[voxels_[v]] = static_cast<std::int32_t>(v);
-  std::vector<std::pair<Index, Index>> starts;  // hidden, voxel
-  const Index stride = std::max<Index>(1, n / kStarts);
-  for (Index at = stride / 2; at < n; at += stride) {
-    const Index enough = static_cast<Index>(starts.size()) < kClimbs ? few + 1 : starts.back().first;
-    const Index h = hidden(by_depth_[at], few, enough);
-    if (h >= enough) continue;
-    const std::pair<Index, Index> start{h, by_depth_[at]};
-    starts.insert(std::upper_bound(starts.begin(), starts.end(), start,
-                                   [](const auto& a, const auto& b) { return a.first < b.first; }),
-                  start);
-    if (static_cast<Index>(starts.size()) > kClimbs) starts.pop_back();
-  }
-  consider(climbed(by_depth_[0]));
-  for (const auto& start : starts) {
-    if (best_.n_seen == n) return;
-    consider(climbed(start.second));
-  }
-}
-
-Index Search::climbed(Index start) {
-  // Small objects are raced through anyway: a good start is enough.
-  const Index n = static_cast<Index>(voxels_.size());
-  const Index n_targets = std::min(n, n <= kSmall ? kFewTargets : kTargets);
-  Index at = start, least = hidden(at, n_targets, n_targets + 1);
-  Index step = std::max<Index>(1, static_cast<Index>(std::cbrt(static_cast<double>(voxels_.size())) / 5.0));
-  while (step >= 1 && least > 0) {
-    Index next = at;
+  Index step = 1;
+  const Index n = static_cast<Index>(by_depth_.size());
+  while (64 * step * step * step < n) step *= 2;
+  while (step >= 1) {
+    Index ijk[3];
+    crop_.position(by_depth_[winner_], ijk);
+    bool is_better = false;
     for (Index i = -step; i <= step; i += step) {
       for (Index j = -step; j <= step; j += step) {
         for (Index k = -step; k <= step; k += step) {
-          const Index to[3] = {places_[at].ijk[0] + i, places_[at].ijk[1] + j, places_[at].ijk[2] + k};
-          bool is_there = true;
+          const Index to[3] = {ijk[0] + i, ijk[1] + j, ijk[2] + k};
+          bool is_there = !is_over();
           for (int a = 0; a < 3; ++a) is_there = is_there && to[a] > 0 && to[a] < crop_.shape[a] - 1;
           if (!is_there) continue;
-          const Index v = number_[crop_.flat(to[0], to[1], to[2])];
-          if (v < 0 || v == at) continue;
-          const Index h = hidden(v, n_targets, least);
-          if (h >= least) continue;
-          least = h;
-          next = v;
+          const Index rank = ranks_[crop_.flat(to[0], to[1], to[2])];
+          if (rank >= 0 && rank != winner_) is_better = consider(rank) || is_better;
         }
       }
     }
-    if (next == at) step /= 2;
-    at = next;
+    if (!is_better) step /= 2;
   }
-  return at;
 }
 
-// How many voxels at least are hidden from each, told by blocks.
-void Search::bound() {
-  const Index n = static_cast<Index>(voxels_.size());
-  const Index enough = n - best_.n_seen;
-  Index edge = 2;
-  while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) ++edge;
-  blocks_ = bound_blocks(crop_, voxels_, edge, enough, stop_, best_.n_steps);
-}
-
-// What is hidden from the whole block of a candidate counts at once. Targets that were hidden from one candidate come
-// earlier for the next. Where they do not decide, all voxels are
-// counted at once, which is faster than one by one.
-Index Search::hidden_in_race(Index v, Index enough) {
-  const Index n = static_cast<Index>(voxels_.size());
-  const Index tried = std::min(n, 2 * enough + crop_.size() / 16);
-  const std::uint8_t* is_hidden = blocks_.is_hidden.data() + blocks_.of_voxel[v] * blocks_.size();
-  Index h = least_hidden(v);
-  for (Index t = 0; t < tried; ++t) {
-    if (is_hidden[blocks_.of_voxel[targets_[t]]] != 0) continue;
-    if (sees(v, targets_[t])) continue;
-    if (++h >= enough) {
-      std::swap(targets_[t], targets_[t / 2]);
-      return h;
+// Blocks of a finer edge that have voxels of the object, each with the bound of the whole.
+void Search::cut(const Block& block, Index edge) {
+  Index last[3];
+  for (int a = 0; a < 3; ++a) last[a] = std::min(block.low[a] + block.edge, crop_.shape[a]);
+  for (Index i = block.low[0]; i < last[0]; i += edge) {
+    for (Index j = block.low[1]; j < last[1]; j += edge) {
+      for (Index k = block.low[2]; k < last[2]; k += edge) {
+        Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
+        each_voxel(part, [&](Index rank) { part.rank = std::min(part.rank, rank); });
+        if (part.rank == INT64_MAX || part.hidden > enough(part.rank)) continue;
+        if (!is_over()) part.hidden = std::max(part.hidden, bound(part));
+        if (part.hidden <= enough(part.rank)) queue_.push(part);
+      }
     }
-    std::swap(targets_[t], targets_[t / 2]);
   }
-  return tried == n ? h : n - count(v);
 }
 
-// Every voxel that may be the best, deepest first; one that sees as much as the best so far wins only if it is deeper.
-void Search::race(Index limit) {
-  const Index n = static_cast<Index>(voxels_.size());
-  Index least = n - best_.n_seen + 1, winner = -1;
-  Index open = n;  // the least that a voxel may hide that was not looked at
-  std::size_t at = 0;
-  for (; at < by_depth_.size() && best_.n_steps < limit; ++at) {
-    const Index v = by_depth_[at];
-    if (least_hidden(v) >= least) continue;
-    const Index h = hidden_in_race(v, least);
-    if (h >= least) continue;
-    least = h;
-    winner = v;
-    if (h == 0) break;
+Index Search::bound(const Block& block) {
+  const Index reach = block.edge / 2;
+  for (const Level& level : levels_) {
+    if (level.edge != block.edge) continue;
+    Index middle[3];
+    for (int a = 0; a < 3; ++a) middle[a] = block.low[a] + reach;
+    if (crop_.is_flat) middle[0] = 1;
+    return level.rows->hidden(middle, enough(block.rank), best_.n_steps, stop_);
   }
-  if (winner >= 0) {
-    best_.n_seen = n - least;
-    best_voxel_ = winner;
+  return 0;
+}
+
+// Every voxel of a block of the finest edge, the deepest first.
+void Search::look_into(const Block& block) {
+  std::vector<Index> ranks;
+  each_voxel(block, [&](Index rank) { ranks.push_back(rank); });
+  std::sort(ranks.begin(), ranks.end());
+  for (const Index rank : ranks) {
+    if (block.hidden > enough(rank)) continue;
+    if (is_over()) {
+      open_ = std::min(open_, block.hidden);
+      return;
+    }
+    consider(rank);
   }
-  if (least > 0) {
-    for (; at < by_depth_.size(); ++at) open = std::min(open, least_hidden(by_depth_[at]));
-  }
-  best_.upper = std::max(best_.n_seen, n - open);
 }
 
 BestVoxel Search::run(Index always, Index most_steps) {
-  const Index n = static_cast<Index>(voxels_.size());
-  if (best_.n_seen < n) {
+  const Index n = static_cast<Index>(by_depth_.size());
+  if (least_ > 0) {
+    limit_ = n <= always ? INT64_MAX : most_steps;
     climb();
-    bound();
-    race(n <= always ? INT64_MAX : most_steps);
-    best_.voxel = voxels_[best_voxel_];
+    Index edge = kSplit;
+    while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
+    for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
+    const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
+    cut({0, 0, longest, {0, 0, 0}}, edge);
+    while (!queue_.empty()) {
+      const Block block = queue_.top();
+      queue_.pop();
+      if (block.hidden > enough(block.rank)) continue;
+      if (is_over()) {
+        open_ = std::min(open_, block.hidden);
+        break;
+      }
+      if (block.edge == kSplit) {
+        look_into(block);
+      } else {
+        cut(block, block.edge / kSplit);
+      }
+    }
   }
+  best_.voxel = by_depth_[winner_];
+  best_.n_seen = n - least_;
+  best_.upper = n - std::min(least_, open_);
   return best_;
 }
 

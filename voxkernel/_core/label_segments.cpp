@@ -12,18 +12,22 @@ constexpr double kMostSteps = 0x1p25;  // bytes of steps that are kept
 
 SegmentSteps::SegmentSteps(const Index* shape, const Index* strides) {
   double n_segments = 1.0, longest = 1.0;
+  std::copy(shape, shape + 3, shape_);
+  std::sort(shape_, shape_ + 3, [](Index a, Index b) { return a > b; });
   for (int a = 0; a < 3; ++a) {
-    shape_[a] = shape[a];
     n_segments *= static_cast<double>(shape[a]);
     longest += static_cast<double>(shape[a]);
   }
-  for (unsigned signs = 0; signs < 8; ++signs) {
-    for (unsigned axes = 0; axes < 8; ++axes) {
-      Index move = 0;
-      for (unsigned a = 0; a < 3; ++a) {
-        if ((axes >> a & 1u) != 0) move += (signs >> a & 1u) != 0 ? -strides[a] : strides[a];
+  for (unsigned order = 0; order < 8; ++order) {
+    for (unsigned signs = 0; signs < 8; ++signs) {
+      for (unsigned step = 0; step < 8; ++step) {
+        Index move = 0;
+        for (unsigned k = 0; k < 3; ++k) {
+          const unsigned axis = kOrders[order][k];
+          if ((step >> k & 1u) != 0) move += (signs >> axis & 1u) != 0 ? -strides[axis] : strides[axis];
+        }
+        moves_[order][signs][step] = move;
       }
-      moves_[signs][axes] = move;
     }
   }
   // Half of the longest is the mean.

@@ -63,30 +63,40 @@ class SegmentWalk {
 };
 
 // The steps of segments between voxels of a box, kept: walking them again is five times faster than finding them. A
-// segment of n voxels along the axes has the steps of its mirror images; each is a set of axes, as bits.
+// segment of n voxels along the axes has the steps of its mirror images, and of those with the axes in another order;
+// each is a set of axes, as bits, the one with the largest n first.
 class SegmentSteps {
  public:
+  SegmentSteps() = default;
   SegmentSteps(const Index* shape, const Index* strides);
 
   // Whether the box is small enough for this.
   bool is_kept() const { return !first_.empty(); }
-  // The steps from a voxel by `d`, ended by 0.
-  const std::uint8_t* find(const Index* d) {
+  struct Found {
+    const std::uint8_t* steps;  // ended by 0
+    const Index* moves;         // by how much each changes the position
+  };
+  // The steps from a voxel by `d`.
+  Found find(const Index* d) {
     const Index n[3] = {d[0] < 0 ? -d[0] : d[0], d[1] < 0 ? -d[1] : d[1], d[2] < 0 ? -d[2] : d[2]};
-    std::int32_t& first = first_[(n[0] * shape_[1] + n[1]) * shape_[2] + n[2]];
-    if (first < 0) first = append(n);
-    return steps_.data() + first;
-  }
-  // By how much each step changes the position, for the directions of `d`.
-  const Index* moves(const Index* d) const {
-    return moves_[(d[0] < 0 ? 1 : 0) + (d[1] < 0 ? 2 : 0) + (d[2] < 0 ? 4 : 0)];
+    const unsigned order = (n[0] < n[1] ? 1u : 0u) | (n[1] < n[2] ? 2u : 0u) | (n[0] < n[2] ? 4u : 0u);
+    const unsigned signs = (d[0] < 0 ? 1u : 0u) | (d[1] < 0 ? 2u : 0u) | (d[2] < 0 ? 4u : 0u);
+    const std::uint8_t* axes = kOrders[order];
+    const Index sorted[3] = {n[axes[0]], n[axes[1]], n[axes[2]]};
+    std::int32_t& first = first_[(sorted[0] * shape_[1] + sorted[1]) * shape_[2] + sorted[2]];
+    if (first < 0) first = append(sorted);
+    return {steps_.data() + first, moves_[order][signs]};
   }
 
  private:
+  // Axes by falling n, for n0 < n1, n1 < n2 and n0 < n2 as bits; two of the eight cannot be.
+  static constexpr std::uint8_t kOrders[8][3] = {{0, 1, 2}, {1, 0, 2}, {0, 2, 1}, {0, 1, 2},
+                                                 {0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
+
   std::int32_t append(const Index* n);
 
-  Index shape_[3];
-  Index moves_[8][8];
+  Index shape_[3];  // sorted, the largest first
+  Index moves_[8][8][8];
   std::vector<std::int32_t> first_;
   std::vector<std::uint8_t> steps_;
 };

@@ -36,8 +36,9 @@ class LabelView {
       }
       return true;
     }
-    const std::uint8_t* step = steps_.find(d);
-    const Index* moves = steps_.moves(d);
+    const SegmentSteps::Found found = steps_.find(d);
+    const std::uint8_t* step = found.steps;
+    const Index* moves = found.moves;
     const std::uint8_t* const first = step;
     bool is_seen = true;
     for (; *step != 0; ++step) {

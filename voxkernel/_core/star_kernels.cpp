@@ -6,6 +6,7 @@
 
 #include "cell_kernel.h"
 #include "deepest_point.h"
+#include "star_hull.h"
 
 namespace voxkernel {
 namespace {
@@ -30,6 +31,12 @@ Plane plane_of(const double* a, const double* b, const double* c) {
   return plane;
 }
 
+void keep(Index p, double scale, double volume, const double* box, const StarKernelAnswers& answers) {
+  answers.volumes[p] = volume * scale * scale * scale;
+  for (int k = 0; k < 6; ++k) answers.boxes[p][k] = box[k] * scale;
+  answers.outcomes[p] = 1;
+}
+
 }  // namespace
 
 // The origin sees the whole polyhedron, so it is inside every kernel: no point has to be looked for. With directions of
@@ -40,6 +47,7 @@ void star_kernels(Points directions, Triangles faces, Doubles distances, Index f
   std::vector<double> corners(3 * n_rays);
   HalfSpaceColumns planes(n_faces);
   FaceCutter cutter(n_faces);
+  StarHull hull;
   const double origin[3] = {0.0, 0.0, 0.0};
   for (Index p = first; p < last; ++p) {
     const double* lengths = distances.part(p * n_rays, (p + 1) * n_rays).data();
@@ -48,24 +56,28 @@ void star_kernels(Points directions, Triangles faces, Doubles distances, Index f
       for (int k = 0; k < 3; ++k) corners[3 * r + k] = lengths[r] / scale * directions(r, k);
     }
     planes.size = 0;
+    hull.clear();
     double nearest = 1.0;
     for (Index f = 0; f < n_faces; ++f) {
       const double* at = corners.data();
       const Plane plane = plane_of(at + 3 * faces(f, 0), at + 3 * faces(f, 1), at + 3 * faces(f, 2));
       planes.push(plane.normal, plane.slack, 0.0);
+      hull.push(plane.normal[0] / plane.slack, plane.normal[1] / plane.slack, plane.normal[2] / plane.slack);
       nearest = plane.slack < nearest ? plane.slack : nearest;
       if (!std::isfinite(plane.slack)) nearest = 0.0;
     }
     stop.poll(n_faces * n_faces);
     answers.outcomes[p] = 0;
     if (!(nearest > kNearest)) continue;
-    double box[6];
+    double box[6], volume;
+    if (hull.measure(&volume, box)) {
+      keep(p, scale, volume, box, answers);
+      continue;
+    }
     const FaceCutter::Solid found = cutter.cut(planes, origin, kNearly * nearest, box);
     // Faces of which the edges do not fit, for their size: floating point has lost one.
     if (found.misfit < 0.0 || found.misfit * found.extent * found.extent > kRounding * found.volume) continue;
-    answers.volumes[p] = found.volume * scale * scale * scale;
-    for (int k = 0; k < 6; ++k) answers.boxes[p][k] = box[k] * scale;
-    answers.outcomes[p] = 1;
+    keep(p, scale, found.volume, box, answers);
   }
 }
 

@@ -20,7 +20,8 @@ from voxkernel.labels.voxel_values import as_label_values, check_label_type
 __all__ = ["LabelImage", "as_spacing", "block_boxes"]
 
 _BLOCK_BYTES = 1 << 25  # of a block that is scanned at once
-_CACHE_BYTES = 1 << 26  # of chunks that are kept unpacked
+_LEAST_SPACING = 1e-60  # volumes and squares of it are numbers
+_CACHE_BYTES = 1 << 25  # of chunks that are kept unpacked
 
 
 class _Chunks:
@@ -115,6 +116,8 @@ class LabelImage(Frozen):
         """
         is_lazy = all(hasattr(labels, name) for name in ("shape", "dtype", "__getitem__"))
         source = labels if is_lazy else _plain_array(labels)
+        if isinstance(source, np.ma.MaskedArray):
+            raise TypeError("`labels` must not be masked (fill it with 0 where it is background); got a masked array")
         shape = tuple(int(n) for n in source.shape)
         check_label_type(np.dtype(source.dtype))
         if len(shape) not in (2, 3):
@@ -186,6 +189,8 @@ def as_spacing(spacing: object, n_axes: int) -> tuple[float, ...]:
     numbers = as_each("spacing", spacing, as_positive)
     if len(numbers) != n_axes:
         raise ValueError(f"`spacing` must have one number for each of {n_axes} axes; got {len(numbers)}")
+    if not all(_LEAST_SPACING <= n <= 1 / _LEAST_SPACING for n in numbers):
+        raise ValueError(f"`spacing` must be from {_LEAST_SPACING:g} to {1 / _LEAST_SPACING:g}; got {numbers}")
     if max(numbers) > 1e6 * min(numbers):
         raise ValueError(f"`spacing` must not differ by more than a factor of 1e6 between axes; got {numbers}")
     return numbers

@@ -17,7 +17,7 @@ from voxkernel.labels.image_files import read_labels
 from voxkernel.labels.label_image import LabelImage, as_spacing
 from voxkernel.labels.label_surface import SurfaceRow, surface_row
 from voxkernel.labels.label_table import LabelStars, rays_needed, reason_of
-from voxkernel.labels.objects import LabelObjects, crop_of, find_objects
+from voxkernel.labels.objects import LabelObjects, check_crop, check_objects, crop_of, find_objects
 from voxkernel.labels.one_object import ImageFrame, ObjectRow, object_row
 from voxkernel.labels.ray_sets import ray_set
 
@@ -57,7 +57,6 @@ def label_stars(
     most_steps : int
         Voxels that may be looked at to certify the best one of an object of more than 6,000 voxels, >= 0; 200 million
         take about a second. Smaller objects are always certified.
-
     objects : LabelObjects, optional
         What `find_objects` has found in this image, to look at some of its objects at a time.
 
@@ -76,9 +75,9 @@ def label_stars(
     A segment between two voxel centres touches the voxels whose open cube it meets; through an edge or a corner it
     goes on diagonally. V(x) is the share of an object's voxels whose segment to voxel x touches only voxels of the
     object: Werghi's Star(x, S), Definition 2, in voxels. The segment rule is evaluated in integers. It does not depend
-    on the spacing. The maximum V* is found by racing: candidates from the deepest on, targets that were hidden before
-    first, until more are hidden than from the best voxel so far; whole blocks of candidates are ruled out by a coarser
-    image.
+    on the spacing. The maximum V* is found by branch and bound: what is hidden from the middle of a block of voxels in
+    the object, widened by half the block, is hidden from the whole block; blocks of which less is hidden are looked
+    into, down to single voxels, from which whole rows of voxels are decided at once.
 
     Examples
     --------
@@ -93,7 +92,7 @@ def label_stars(
     counts = as_ray_counts(n_rays, len(image.shape))
     n_threads = as_depth("threads", threads, 1, 256)
     frame = frame_of(image, counts, as_depth("most_steps", most_steps, 0, 2**62))
-    found = find_objects(image, threads=n_threads) if objects is None else objects
+    found = find_objects(image, threads=n_threads) if objects is None else check_objects(image, objects)
     chosen = np.arange(len(found)) if ids is None else _chosen(found, ids)
     return stars_of(image, found, chosen, frame, counts, surface=bool(surface), threads=n_threads)
 
@@ -141,6 +140,7 @@ def stars_of(
         for i in order[first : first + _PART].tolist():
             low = objects.low[i].tolist()
             crop = crop_of(image, objects, i)
+            check_crop("objects", crop, objects, i)
             row = object_row(crop, [0, *low] if image.is_flat else low, frame, stop)
             rows[i] = row, surface_row(crop, frame.spacing) if surface and not image.is_flat else SurfaceRow()
 

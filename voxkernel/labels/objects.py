@@ -13,7 +13,7 @@ from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
 from voxkernel.labels.label_image import LabelImage, block_boxes
 
-__all__ = ["LabelObjects", "crop_of", "find_objects"]
+__all__ = ["LabelObjects", "check_crop", "check_objects", "crop_of", "find_objects"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -101,3 +101,21 @@ def crop_of(image: LabelImage, objects: LabelObjects, i: int) -> NDArray[np.uint
     crop = np.zeros(tuple(n + 2 for n in block.shape), np.uint8)
     np.equal(block, block.dtype.type(objects.label[i]), out=crop[1:-1, 1:-1, 1:-1].view(np.bool_))
     return crop
+
+
+def check_objects(image: LabelImage, objects: object) -> LabelObjects:
+    """Refuse objects whose boxes are not in an image."""
+    if not isinstance(objects, LabelObjects):
+        raise TypeError(f"`objects` must be LabelObjects, from `find_objects`; got {type(objects).__name__}")
+    if objects.low.shape[1] != len(image.shape) or (objects.high > np.array(image.shape)).any():
+        raise ValueError(f"`objects` must be of this image; got boxes outside its shape {image.shape}")
+    return objects
+
+
+def check_crop(name: str, crop: NDArray[np.uint8], objects: LabelObjects, i: int) -> None:
+    """Refuse an object that has another number of voxels in the image, as when that is another one or was changed."""
+    n = int(np.count_nonzero(crop))
+    if n != int(objects.voxels[i]):
+        raise ValueError(
+            f"`{name}` must be of this image; got {objects.voxels[i]} voxels of label {objects.label[i]}, which has {n}"
+        )

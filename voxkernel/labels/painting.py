@@ -12,7 +12,7 @@ from voxkernel._checks import as_choice
 from voxkernel._core import visible_voxels
 from voxkernel.labels.label_stars import as_image
 from voxkernel.labels.label_table import LabelStars
-from voxkernel.labels.objects import LabelObjects, crop_of
+from voxkernel.labels.objects import LabelObjects, check_crop, crop_of
 
 __all__ = ["paint_labels", "seen_from"]
 
@@ -61,8 +61,7 @@ def paint_labels(
     painted = np.zeros(image.shape, np.uint8 if what == "seen" else np.float32)
     for i in range(len(stars)):
         crop = crop_of(image, objects, i)
-        if int(np.count_nonzero(crop)) != int(stars.voxels[i]):
-            raise ValueError(f"`stars` must be of this image; got another number of voxels of label {stars.label[i]}")
+        check_crop("stars", crop, objects, i)
         box = tuple(map(slice, stars.low[i].tolist(), stars.high[i].tolist()))
         inner = crop[1:-1, 1:-1, 1:-1].reshape(painted[box].shape)
         if what == "visible":

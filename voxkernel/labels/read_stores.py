@@ -20,7 +20,7 @@ def read_npy(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
 
 def read_npz(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
     """Read one array, and an array `spacing` where there is one."""
-    with np.load(path, allow_pickle=False) as file:
+    with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
         names = [name for name in file.files if name != "spacing"]
         array = file[_the_one(names, inside)]
         return array, file["spacing"].tolist() if "spacing" in file.files else None

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import re
-from collections.abc import Sequence
+import threading
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -28,10 +31,38 @@ class _Pages:
         return np.stack(planes)[(slice(None), *box[1:])]
 
 
+class _Complaints(logging.Handler):
+    """What tifffile logs in this thread of a file that is damaged, instead of raising an error."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+        self.thread_id = threading.get_ident()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = record.getMessage()
+        is_damage = record.levelno >= logging.ERROR or "missing" in text or "corrupt" in text
+        if is_damage and record.thread == self.thread_id:
+            self.texts.append(text)
+
+
+@contextmanager
+def _whole() -> Generator[None]:
+    """Refuse a file that tifffile would read in part, with zeros for the rest."""
+    complaints, logger = _Complaints(), logging.getLogger("tifffile")
+    logger.addHandler(complaints)
+    try:
+        yield
+    finally:
+        logger.removeHandler(complaints)
+    if complaints.texts:
+        raise ValueError(complaints.texts[0])
+
+
 def read_tiff(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
     """Map the file, or read it by pages."""
     tifffile = optional("tifffile")
-    with tifffile.TiffFile(path) as file:
+    with _whole(), tifffile.TiffFile(path) as file:
         series = file.series[0]
         if "S" in series.axes and series.shape[series.axes.index("S")] > 1:
             raise ValueError(f"an image of colours, not of labels: axes {series.axes}")

@@ -78,8 +78,11 @@ def star_polyhedra_kernels(
 
     Notes
     -----
-    The centre is in every kernel; every face is cut out of its own plane by all others, in floating point, and whether
-    the edges of the faces fit says whether that went well.
+    The centre is in every kernel, so the kernel is the polar body of the hull of points n / d, one a face n . x <= d.
+    That hull is made in floating point, nearest faces first, and checked: the faces of the hull close around the
+    centre, and no point is more than 1e-9 beyond any of them, which bounds the kernel between two bodies that differ by
+    so much. Where that fails, as for faces that are nearly in one plane, every face is cut out of its own plane by all
+    others; where their edges do not fit, the code of `exact_kernel` answers.
 
     Examples
     --------

@@ -39,7 +39,7 @@ _COLUMNS = (
     ("reason", "Failed because", "", ""),
     ("kind", "Kind", "", ""),
     ("cell", "Cell", "", ""),
-    ("object", "Object", "90px", "number in the label image"),
+    ("object", "Object", "", "number in the label image"),
     ("verdict_reason", "Why not star-shaped", "", ""),
     ("notes", "Notes", "", ""),
     ("dimension", "Kernel dimension", "", ""),
@@ -199,12 +199,16 @@ def _values(rows: ReportRows, key: str) -> tuple[list[Any], str]:
         tidy = one_line if key in _WHOLE else readable
         return [tidy(text) for text in rows.texts[key]], "text"
     if key in rows.lists:
-        joined = [", ".join(str(item) for item in items or [] if item is not None) for items in rows.lists[key]]
+        joined = [", ".join(_item(item) for item in items or [] if item is not None) for items in rows.lists[key]]
         return [one_line(text) for text in joined], "text"
     numbers = rows.numbers[key]
     if key in _TRUTHS:
         return [None if np.isnan(v) else bool(v) for v in numbers], "truth"
     return [_rounded(float(v)) for v in numbers], "number"
+
+
+def _item(item: Any) -> str:
+    return f"{item:.4g}" if isinstance(item, float) else str(item)
 
 
 def _rounded(value: float) -> float | int | None:

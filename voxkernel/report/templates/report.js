@@ -18,7 +18,14 @@ function text(c, i) {
   if (c.kind === "number") return Number.isInteger(v) ? v.toLocaleString("en-US") : String(+v.toPrecision(4));
   return String(v);
 }
-function rowName(i) { const cell = column.cell && value(column.cell, i); return value(column.file, i) + (cell === null || cell === undefined ? "" : " cell " + cell); }
+function part(i) {
+  for (const key of ["cell", "object"]) {
+    const number = column[key] && value(column[key], i);
+    if (number !== null && number !== undefined) return " " + key + " " + number;
+  }
+  return "";
+}
+function rowName(i) { return value(column.file, i) + part(i); }
 function shortName(i) { const name = rowName(i); return name.startsWith(data.folder) ? name.slice(data.folder.length) : name; }
 function picture(i) {
   if (!has.picture.has(i)) return null;
@@ -104,8 +111,9 @@ addEventListener("afterprint", () => draw());
 
 // ---------------------------------------------------------------- filter and sort
 const search = byId("search"), outcome = byId("outcome"), label = byId("label");
+const oneWord = (words) => words.replace(/\b(object|cell)\s+(\d+)/g, "$1_$2."); // "object 2" is neither 21 nor a 2 elsewhere
 const haystack = new Array(data.n);
-for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "verdict_reason", "notes"].map((k) => column[k] ? value(column[k], i) : "").join(" ").toLowerCase();
+for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
 for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
 label.closest("label").hidden = data.labels.length < 2;
 const collator = new Intl.Collator("en", { numeric: true });
@@ -118,7 +126,7 @@ function compare(c) {
   };
 }
 function update() {
-  const wanted = search.value.trim().toLowerCase().split(/\s+/).filter(Boolean), kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null;
+  const wanted = oneWord(search.value.trim().toLowerCase()).split(/\s+/).filter(Boolean), kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null;
   order = [];
   for (let i = 0; i < data.n; i++) {
     if (kind && value(column.outcome, i) !== kind) continue;
