@@ -13,26 +13,37 @@ import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from voxkernel._version import __version__
+from voxkernel.cli.input_globs import expand_globs
+from voxkernel.cli.messages import did_you_mean, option_names, spoken
 from voxkernel.cli.output import UsageError, report_error
+from voxkernel.cli.stages import stages
 from voxkernel.errors import VoxKernelError
 
 __all__ = ["COMMANDS", "parsed", "parser", "run"]
 
 COMMANDS = (
-    *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "demo"),
+    *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "repair"),
+    "demo",
 )
 _FAILED, _BAD_USAGE = 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
-    """Report bad usage in one line."""
+    """Report bad usage in one line, with a guess at what was meant."""
 
     def error(self, message: str) -> NoReturn:
-        report_error(f"{message} (see `{self.prog} --help`)")
+        report_error(f"{did_you_mean(message, option_names(self).values())} (see `{self.prog} --help`)")
         sys.exit(_BAD_USAGE)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; a word that is left over is an error of the command it was given to."""
+        found, left = self.parse_known_args(args, namespace)
+        if left:
+            getattr(found, "parser", self).error(f"unrecognized arguments: {' '.join(left)}")
+        return found
 
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -48,7 +59,10 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command that the arguments name, and give its exit code."""
+    names = option_names(args.parser)
     try:
+        expand_globs(args)
+        args.stage = stages(quiet=args.quiet)
         code = int(import_module(f"voxkernel.cli.{args.command}").run(args))
         sys.stdout.flush()
         return code
@@ -57,12 +71,12 @@ def run(args: argparse.Namespace) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _FAILED
     except UsageError as error:
-        report_error(f"{error} (see `voxkernel {args.command} --help`)")
+        report_error(f"{spoken(str(error), names)} (see `voxkernel {args.command} --help`)")
         return _BAD_USAGE
     except (VoxKernelError, OSError, ValueError, MemoryError) as error:
         if args.verbose:
             raise
-        report_error(str(error) or type(error).__name__)
+        report_error(spoken(str(error), names) or type(error).__name__)
         return _FAILED
 
 
@@ -92,6 +106,7 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
         module.add_arguments(sub)
+        sub.set_defaults(parser=sub)
     whole.set_defaults(verbose=0, quiet=False)
     return whole
 

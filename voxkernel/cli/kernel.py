@@ -79,33 +79,38 @@ def run(args: argparse.Namespace) -> int:
 
     from voxkernel.mesh import as_mesh
 
-    mesh = as_mesh(args.mesh)
+    with args.stage(f"reading {display(args.mesh)}"):
+        mesh = as_mesh(args.mesh)
     if as_grid:
         from voxkernel.voxels import voxel_kernel
 
-        kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
+        with args.stage("computing voxels"):
+            kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
         document = kernel.to_dict()
         rows = _grid_rows(document)
     else:
         from voxkernel.exact import exact_kernel
 
-        kernel = polytope = exact_kernel(mesh, domain=args.domain)
+        with args.stage("computing the exact kernel"):
+            kernel = polytope = exact_kernel(mesh, domain=args.domain)
         document = kernel.to_dict()
         rows = _exact_rows(polytope)
     document = {"file": args.mesh, **document}
     if output is not None:
-        _write(kernel, document, output)
+        with args.stage(f"writing {display(output)}"):
+            _write(kernel, document, output)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if picture is not None:
         from voxkernel.pictures import surface_picture
 
         shown = kernel
-        if as_grid and kernel.dimension < 3 and not document["tolerance"]:
-            # Nothing to see in the grid; the polytope has the proof.
-            from voxkernel.exact import exact_kernel
+        with args.stage(f"drawing {display(picture)}"):
+            if as_grid and kernel.dimension < 3 and not document["tolerance"]:
+                # Nothing to see in the grid; the polytope has the proof.
+                from voxkernel.exact import exact_kernel
 
-            shown = exact_kernel(mesh, domain=args.domain)
-        surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
+                shown = exact_kernel(mesh, domain=args.domain)
+            surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import Any
 
+from voxkernel.cli.messages import option_names, spoken
 from voxkernel.cli.output import display, number, print_json, say, table_row
 from voxkernel.errors import VoxKernelError
 
@@ -38,7 +39,8 @@ def run(args: argparse.Namespace) -> int:
         print(table_row(_COLUMNS, widths), file=sys.stderr)
     entries: list[dict[str, Any]] = []
     for path in args.meshes:
-        entry = _score(path, args.domain)
+        with args.stage(f"scoring {display(path)}"):
+            entry = _score(path, args.domain, option_names(args.parser))
         entries.append(entry)
         if not args.json:
             print(table_row(_cells(entry), widths), flush=True)
@@ -50,18 +52,19 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _score(path: str, domain: str | None) -> dict[str, Any]:
+def _score(path: str, domain: str | None, names: dict[str, str]) -> dict[str, Any]:
     from voxkernel.measures import starshapeness
 
     try:
         return {"file": path, "status": "ok", **starshapeness(path, domain=domain).to_dict()}
     except (VoxKernelError, OSError, ValueError, MemoryError) as error:
-        return {"file": path, "status": "failed", "reason": " ".join(str(error).split()) or type(error).__name__}
+        reason = " ".join(spoken(str(error), names).split()) or type(error).__name__
+        return {"file": path, "status": "failed", "reason": reason}
 
 
 def _cells(entry: dict[str, Any]) -> list[str]:
     name = display(entry["file"])
     if entry["status"] == "failed":
         return [name, "failed", "-", "-", "-", display(entry["reason"])]
-    reason = "; ".join([entry["reason"], *entry["notes"]] if entry["reason"] else entry["notes"])
+    reason = spoken("; ".join([entry["reason"], *entry["notes"]] if entry["reason"] else entry["notes"]), {})
     return [name, entry["verdict"], number(entry["ratio"]), number(entry["volume"]), entry["reference"], reason]
