@@ -108,7 +108,7 @@ def test_bad_usage(folder, capsys):
     assert "above 0; got nan" in usage_error(capsys, "kernel", "cube.ply", "--rtol", "nan")
     assert "not allowed with" in usage_error(capsys, "kernel", "cube.ply", "--depth", "5", "--voxel-size", "1")
     said = usage_error(capsys, "kernel", "cube.ply", "-o", "k.xyz")
-    assert "must end in .ply, .json, .npz, .vdb; got 'k.xyz'" in said
+    assert "must end in .ply, .json, .npz, .vdb, .vtu, .vtp, .glb; got 'k.xyz'" in said
     assert "must end in .png, .html" in usage_error(capsys, "kernel", "cube.ply", "--picture", "k.jpg")
     assert "must not be the mesh itself" in usage_error(capsys, "kernel", "cube.ply", "-o", "cube.ply")
     assert "required: MESH" in usage_error(capsys, "score")

@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from voxkernel._version import __version__
 from voxkernel.cli.input_globs import expand_globs
@@ -38,18 +38,13 @@ class _Parser(argparse.ArgumentParser):
         report_error(f"{did_you_mean(message, option_names(self).values())} (see `{self.prog} --help`)")
         sys.exit(_BAD_USAGE)
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; a word that is left over is an error of the command it was given to."""
-        found, left = self.parse_known_args(args, namespace)
-        if left:
-            getattr(found, "parser", self).error(f"unrecognized arguments: {' '.join(left)}")
-        return found
-
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments and set up messages."""
     _accept_any_text()
-    args = parser().parse_args(argv)
+    args, left = parser().parse_known_args(argv)
+    if left:
+        args.parser.error(f"unrecognized arguments: {' '.join(left)}")
     if args.verbose:
         logging.basicConfig(stream=sys.stderr, level=logging.DEBUG if args.verbose > 1 else logging.INFO)
     else:

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     """Register, print, write."""
     check_installed("open3d")
     output = None if args.output is None else check_output(args.output, (".json",))
-    moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl"))
+    moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl", ".vtp", ".glb"))
     picture = None if args.picture is None else check_picture(args.picture)
     for path in (args.source, args.target):
         if moved is not None and moved.exists() and Path(path).exists() and moved.samefile(path):

@@ -20,13 +20,13 @@ EXAMPLES = (
     "voxkernel repair scan.ply --decimate-to 20000 -o small.ply",
 )
 _STEPS = ("merge_duplicates", "orient", "close_holes", "remesh_edge_length", "smooth_steps", "decimate_to")
-_SUFFIXES = (".ply", ".obj", ".off", ".stl")
+_SUFFIXES = (".ply", ".obj", ".off", ".stl", ".vtp", ".glb")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
-    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="out.ply, .obj, .off or .stl")
+    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="out.ply, .obj, .off, .stl, .vtp or .glb")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     steps = parser.add_argument_group("what to change, in this order")
     steps.add_argument("--merge-duplicates", action="store_true", help="one vertex a position, each triangle once")
