@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 import shapes
 
-from voxkernel import as_mesh
+from voxkernel import StarCenter, as_mesh
 from voxkernel.cli import stages as stages_module
+from voxkernel.cli.center import border_note
 from voxkernel.cli.commands import COMMANDS, parser
 from voxkernel.cli.main import main
 from voxkernel.cli.messages import did_you_mean, option_names, spoken
 from voxkernel.cli.stages import stages
+from voxkernel.halfspaces.domain import as_domain
 
 NAMES = {"voxel_size": "--voxel-size", "mesh": "MESH"}
 
@@ -118,6 +120,45 @@ def test_patterns_are_expanded(folder, capsys):
 def test_a_file_called_as_a_pattern_is_that_file(folder, capsys):
     (folder / "cube[d].ply").write_bytes((folder / "cube.ply").read_bytes())
     assert json.loads(said(capsys, "info", "cube[d].ply", "--json")[1])["file"] == "cube[d].ply"
+
+
+def test_meshes_of_other_units_are_noted(folder, capsys):
+    vertices, faces = shapes.cube()
+    for name, scale in (("large", 5000.0), ("small", 1e-4), ("same", 2.0)):
+        as_mesh((np.asarray(vertices) * scale, faces)).write(f"{name}.ply")
+    _, out, _ = said(capsys, "score", "cube.ply", "large.ply", "same.ply", "small.ply", "cubed.ply", "--json")
+    notes = {entry["file"]: entry["notes"] for entry in json.loads(out)}
+    assert notes["large.ply"] == ["5e+03 times as large as the median of 5 meshes: other units?"]
+    assert notes["small.ply"] == ["1e+04 times smaller than the median of 5 meshes: other units?"]
+    assert notes["cube.ply"] == notes["same.ply"] == []
+    err = said(capsys, "score", "cube.ply", "large.ply", "same.ply")[2]
+    assert err == "voxkernel: large.ply: 2.5e+03 times as large as the median of 3 meshes: other units?"
+
+
+def test_notes_that_save_people(folder, capsys):
+    assert "inside out: facets point inwards" in said(capsys, "info", "cubed.ply")[1]
+    assert said(capsys, "info", "cube.ply")[1].splitlines()[-1].split() == ["notes", "-"]
+    out = said(capsys, "sphere", "cube.ply", "--center", "9,0.5,0.5")[1]
+    assert "the centre lies outside the domain (hull), by 8" in out
+    assert "outside" not in said(capsys, "sphere", "cube.ply", "--center", "0.5,0.5,0.5")[1]
+
+
+def test_a_centre_at_the_border_of_its_domain_says_so(folder):
+    box = as_domain("box", as_mesh("cube.ply"))
+    low, high = box.vertices.min(axis=0), box.vertices.max(axis=0)
+    middle = 0.5 * (low + high)
+
+    def center(point, violation=(0.1, 0.2)):
+        return StarCenter(np.asarray(point), violation, box, 1, "")
+
+    assert center(middle).border_distance == pytest.approx(0.5 * (high - low).min())
+    assert center([high[0], *middle[1:]]).border_distance == pytest.approx(0.0, abs=1e-12)
+    assert border_note(center([high[0], *middle[1:]])) == [
+        "the point lies on the border of the domain (box), which decides it: try --domain hull"
+    ]
+    assert border_note(center(middle)) == []
+    assert border_note(center(high, (0.0, 0.0))) == []  # it faces everything: nothing to gain outside
+    assert border_note(StarCenter(middle, (0.1, 0.2), None, 1, "")) == []
 
 
 # ---------------------------------------------------------------- repair

@@ -68,8 +68,8 @@ def run(args: argparse.Namespace) -> int:
     }
     if center.domain is not None:
         rows["domain"] = center.domain.kind
-    if center.reason:
-        rows["note"] = center.reason
+    if notes := [*filter(None, [center.reason]), *border_note(center)]:
+        rows["note"] = document["note"] = "; ".join(notes)
     if args.visible:
         from voxkernel.measures import visible_fraction
 
@@ -93,6 +93,15 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_table(rows)
     return 0
+
+
+def border_note(center: Any) -> list[str]:
+    """Say that it is the domain that decides where a star centre lies."""
+    if not center.is_at_border:
+        return []
+    kind = center.domain.kind
+    other = "hull" if kind != "hull" else "ball"
+    return [f"the point lies on the border of the domain ({kind}), which decides it: try --domain {other}"]
 
 
 def _share(text: str) -> float:

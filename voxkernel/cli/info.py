@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from voxkernel.cli.messages import spoken
 from voxkernel.cli.output import display, number, print_json, print_table
 
 if TYPE_CHECKING:
@@ -136,8 +137,10 @@ def _label_image(path: str) -> tuple[LabelImage, bool]:
 def mesh_facts(source: Any) -> dict[str, Any]:
     """Collect the facts of a mesh; arrays of ids become counts."""
     from voxkernel.mesh import as_mesh
+    from voxkernel.mesh.surface_notes import surface_notes
 
-    facts = as_mesh(source).facts()
+    mesh = as_mesh(source)
+    facts = mesh.facts()
     return {
         "vertices": facts.n_vertices,
         "triangles": facts.n_faces,
@@ -161,6 +164,7 @@ def mesh_facts(source: Any) -> dict[str, Any]:
         "lowest_corner": facts.bbox[0].tolist(),
         "highest_corner": facts.bbox[1].tolist(),
         "diagonal": facts.diagonal,
+        "notes": list(surface_notes(mesh)),
     }
 
 
@@ -216,4 +220,4 @@ def _text(value: Any) -> str:
         return number(value, 10)
     if isinstance(value, list):
         return "  ".join(_text(item) for item in value) or "-"
-    return "-" if value is None or value == "" else display(str(value))
+    return "-" if value is None or value == "" else display(spoken(str(value), {}))
