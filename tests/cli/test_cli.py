@@ -108,7 +108,7 @@ def test_bad_usage(folder, capsys):
     assert "above 0; got nan" in usage_error(capsys, "kernel", "cube.ply", "--rtol", "nan")
     assert "not allowed with" in usage_error(capsys, "kernel", "cube.ply", "--depth", "5", "--voxel-size", "1")
     said = usage_error(capsys, "kernel", "cube.ply", "-o", "k.xyz")
-    assert "must end in .ply, .json, .npz, .vdb; got 'k.xyz'" in said
+    assert "must end in .ply, .json, .npz, .vdb, .vtu, .vtp, .glb; got 'k.xyz'" in said
     assert "must end in .png, .html" in usage_error(capsys, "kernel", "cube.ply", "--picture", "k.jpg")
     assert "must not be the mesh itself" in usage_error(capsys, "kernel", "cube.ply", "-o", "cube.ply")
     assert "required: MESH" in usage_error(capsys, "score")
@@ -126,7 +126,7 @@ def test_output_folder_is_checked_before_the_mesh_is_read(folder, capsys):
 def test_known_errors_are_one_line(folder, capsys):
     code, out, err = run(capsys, "kernel", "missing.ply")
     assert (code, out) == (1, "")
-    assert err == "voxkernel: error: `path` must be an existing file; got 'missing.ply'\n"
+    assert err == "voxkernel: error: 'missing.ply' does not exist\n"
     (folder / "empty.ply").write_bytes(b"")
     code, out, err = run(capsys, "info", "empty.ply")
     assert (code, out, err.count("\n")) == (1, "", 1)
@@ -174,7 +174,7 @@ def test_score_goes_on_after_a_failure(folder, capsys):
     assert (code, err) == (1, "")
     failed, fine = json.loads(out)
     assert (failed["status"], fine["status"]) == ("failed", "ok")
-    assert "existing file" in failed["reason"]
+    assert failed["reason"] == "'missing.ply' does not exist"
 
 
 def test_score_takes_a_domain(folder, capsys):

@@ -91,6 +91,7 @@ FORMATS = {
     "hedra": Format(".hedra", solids.hedra_seeds, _HEDRA, solids.read_cells, solids.same_hedra, laws.hedra),
     "mesh": Format(".mesh", solids.medit_seeds, _MEDIT, solids.read_cells, solids.same_medit, laws.medit),
     "vtu": Format(".vtu", solids.vtu_seeds, solids.damage_vtu, solids.read_cells, solids.same_vtu),
+    "vtp": _surface(".vtp", surfaces.vtp_seeds, solids.damage_vtu),
     "cell_folder": Format(".off", surfaces.off_seeds, _OFF, solids.read_folder, surfaces.same_off),
     "vdb_none": _vdb("none"),
     "vdb_zip": _vdb("zip"),

@@ -3,6 +3,7 @@
 import re
 import struct
 import zlib
+from functools import cache
 
 import fuzz_mutations as fm
 import numpy as np
@@ -35,6 +36,33 @@ def bodies():
     yield np.asarray(vertices, float) + THIRDS, [list(map(int, p)) for p in polygons]
     vertices, faces = shapes.octahedron()
     yield np.asarray(vertices, float) * 1.1, np.asarray(faces).tolist()
+
+
+@cache
+def vtp_seeds():
+    """Each of VTK's ways to hold an array, by VTK; and ours."""
+    import tempfile
+    from pathlib import Path
+
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    from voxkernel import as_mesh
+
+    seeds = []
+    for body in bodies():
+        mesh = as_mesh(body)
+        for setting in ("Ascii", "Binary", "Appended"):
+            writer = vtkXMLPolyDataWriter()
+            writer.SetInputData(mesh.to_polydata())
+            writer.SetWriteToOutputString(True)
+            getattr(writer, f"SetDataModeTo{setting}")()
+            writer.Write()
+            text = writer.GetOutputString()
+            seeds.append(text if isinstance(text, bytes) else text.encode())
+        with tempfile.TemporaryDirectory() as folder:
+            mesh.write(Path(folder) / "a.vtp")
+            seeds.append((Path(folder) / "a.vtp").read_bytes())
+    return seeds
 
 
 def row_text(values):

@@ -112,8 +112,98 @@ def test_trimesh_meshes():
     trimesh = pytest.importorskip("trimesh")
     vertices, faces = shapes.l_prism()
     same_arrays(as_mesh(trimesh.Trimesh(vertices, faces, process=False)), vertices, faces)
-    with pytest.raises(TypeError, match=r"got trimesh\.scene\.scene\.Scene"):
+
+
+def test_trimesh_scenes_of_one_mesh():
+    trimesh = pytest.importorskip("trimesh")
+    vertices, faces = shapes.l_prism()
+    one = trimesh.Trimesh(vertices, faces, process=False)
+    same_arrays(as_mesh(trimesh.Scene(one)), vertices, faces)
+    placed = trimesh.Scene()
+    motion = np.array([[0, -1, 0, 5], [1, 0, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1.0]])
+    placed.add_geometry(one, transform=motion)
+    same_arrays(as_mesh(placed), vertices @ motion[:3, :3].T + motion[:3, 3], faces)
+    placed.add_geometry(one)
+    with pytest.raises(MeshError, match="scene of one mesh, placed once; got 2 meshes, 2 geometries and 2 places"):
+        as_mesh(placed)
+    with pytest.raises(MeshError, match="scene of one mesh, placed once; got 0 meshes"):
         as_mesh(trimesh.Scene())
+
+
+def test_meshlab_meshes():
+    pymeshlab = pytest.importorskip("pymeshlab")
+    vertices, faces = shapes.l_prism()
+    meshes = pymeshlab.MeshSet()
+    with pytest.raises(MeshError, match="MeshSet of one mesh; got 0"):
+        as_mesh(meshes)
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    same_arrays(as_mesh(meshes), vertices, faces)
+    same_arrays(as_mesh(meshes.current_mesh()), vertices, faces)
+    meshes.add_mesh(pymeshlab.Mesh(vertices))
+    with pytest.raises(MeshError, match="MeshSet of one mesh; got 2"):
+        as_mesh(meshes)
+    with pytest.raises(MeshError, match=f"must have triangles; got {len(vertices)} vertices without"):
+        as_mesh(meshes.current_mesh())
+
+
+def test_dicts_of_arrays():
+    vertices, faces = shapes.l_prism()
+    same_arrays(as_mesh({"vertices": vertices, "faces": faces, "colour": "red"}), vertices, faces)
+    is_the_pyramid(as_mesh({"vertices": PYRAMID, "faces": SIDES}))
+    with pytest.raises(TypeError, match=r"got builtins\.dict"):
+        as_mesh({"vertices": vertices})
+
+
+def test_unstructured_grids_of_polygons(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    cells = np.concatenate([[2, 0, 4], *([len(side), *side] for side in SIDES)])
+    grid = pyvista.UnstructuredGrid(cells, np.array([3, 9, 5, 5, 5, 5], np.uint8), PYRAMID)
+    is_the_pyramid(as_mesh(grid))
+    solid = pyvista.UnstructuredGrid(np.array([5, 0, 1, 2, 3, 4]), np.array([14], np.uint8), PYRAMID)
+    with pytest.raises(MeshError, match=r"got 1 other cells, the first a pyramid \(grid\.extract_surface"):
+        as_mesh(solid)
+    with pytest.raises(MeshError, match="must have polygons; got 0 points"):
+        as_mesh(pyvista.UnstructuredGrid())
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_vtp_files_of_vtk(tmp_path, binary):
+    pyvista = pytest.importorskip("pyvista")
+    cells = np.concatenate([[len(side), *side] for side in SIDES])
+    data = pyvista.PolyData(PYRAMID, faces=cells, lines=np.array([2, 0, 4]))
+    data.save(tmp_path / "a.vtp", binary=binary)
+    is_the_pyramid(as_mesh(tmp_path / "a.vtp"))
+    pyvista.PolyData(PYRAMID, strips=np.array([4, 0, 1, 3, 2])).save(tmp_path / "strip.vtp")
+    with pytest.raises(MeshReadError, match=r"not a readable \.vtp file: it has 1 triangle strips"):
+        as_mesh(tmp_path / "strip.vtp")
+    text = (tmp_path / "a.vtp").read_bytes()
+    for old, new, match in (
+        (b'type="PolyData"', b'type="ImageData"', "no VTKFile of type PolyData"),
+        (b'NumberOfPolys="5"', b'NumberOfPolys="6"', "array 'offsets' has 5 values, not 6"),
+        (b'Name="connectivity"', b'Name="connected"', "there are two arrays|there is no array"),
+    ):
+        (tmp_path / "b.vtp").write_bytes(text.replace(old, new))
+        with pytest.raises(MeshReadError, match=match):
+            as_mesh(tmp_path / "b.vtp")
+
+
+@pytest.mark.parametrize("suffix", [".vtp", ".glb"])
+def test_files_that_others_read(tmp_path, suffix):
+    vertices, faces = shapes.l_prism()
+    path = tmp_path / f"l{suffix}"
+    as_mesh((vertices, faces)).write(path)
+    if suffix == ".vtp":
+        same_arrays(as_mesh(path), vertices, faces)
+        theirs = pytest.importorskip("pyvista").read(path)
+        np.testing.assert_array_equal(theirs.points, vertices)
+        np.testing.assert_array_equal(theirs.regular_faces, faces)
+    else:
+        theirs = pytest.importorskip("trimesh").load(path, process=False)
+        same_arrays(as_mesh(theirs), vertices.astype(np.float32), faces)
+        assert as_mesh(path).facts().volume == pytest.approx(as_mesh((vertices, faces)).facts().volume, rel=1e-6)
+    if suffix == ".glb":
+        with pytest.raises(ValueError, match=r"must fit in float32 for \.glb"):
+            as_mesh((vertices * 1e300, faces)).write(path)
 
 
 def test_pyvista_meshes():

@@ -52,8 +52,12 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.mesh import as_mesh
     from voxkernel.relaxed import best_center
 
-    mesh = as_mesh(args.mesh)
-    center = best_center(mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights)
+    with args.stage(f"reading {display(args.mesh)}"):
+        mesh = as_mesh(args.mesh)
+    with args.stage("searching for the point that faces the most"):
+        center = best_center(
+            mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights
+        )
     low, high = center.violation_bounds
     document: dict[str, Any] = {"file": args.mesh, **center.to_dict()}
     rows = {
@@ -64,18 +68,20 @@ def run(args: argparse.Namespace) -> int:
     }
     if center.domain is not None:
         rows["domain"] = center.domain.kind
-    if center.reason:
-        rows["note"] = center.reason
+    if notes := [*filter(None, [center.reason]), *border_note(center)]:
+        rows["note"] = document["note"] = "; ".join(notes)
     if args.visible:
         from voxkernel.measures import visible_fraction
 
-        seen = visible_fraction(mesh, center.point)
+        with args.stage("casting rays"):
+            seen = visible_fraction(mesh, center.point)
         document["visible"] = seen.to_dict()
         rows["visible"] = f"{number(100 * seen.fraction)} % of the area, to {number(100 * seen.error, 2)} %"
     if args.profile:
         from voxkernel.measures import defect_profile
 
-        profile = defect_profile(mesh, domain=args.domain)
+        with args.stage("measuring relaxed kernels"):
+            profile = defect_profile(mesh, domain=args.domain)
         document["profile"] = profile.to_dict()
         for share, (lower, upper) in zip(profile.tolerances, profile.volume_share_bounds, strict=True):
             rows[f"volume at {number(share)}"] = f"{number(lower)} to {number(upper)} of the domain"
@@ -87,6 +93,15 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_table(rows)
     return 0
+
+
+def border_note(center: Any) -> list[str]:
+    """Say that it is the domain that decides where a star centre lies."""
+    if not center.is_at_border:
+        return []
+    kind = center.domain.kind
+    other = "hull" if kind != "hull" else "ball"
+    return [f"the point lies on the border of the domain ({kind}), which decides it: try --domain {other}"]
 
 
 def _share(text: str) -> float:

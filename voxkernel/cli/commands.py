@@ -16,29 +16,35 @@ from importlib import import_module
 from typing import NoReturn
 
 from voxkernel._version import __version__
+from voxkernel.cli.input_globs import expand_globs
+from voxkernel.cli.messages import did_you_mean, option_names, spoken
 from voxkernel.cli.output import UsageError, report_error
+from voxkernel.cli.stages import stages
 from voxkernel.errors import VoxKernelError
 
 __all__ = ["COMMANDS", "parsed", "parser", "run"]
 
 COMMANDS = (
-    *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "demo"),
+    *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "repair"),
+    "demo",
 )
 _FAILED, _BAD_USAGE = 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
-    """Report bad usage in one line."""
+    """Report bad usage in one line, with a guess at what was meant."""
 
     def error(self, message: str) -> NoReturn:
-        report_error(f"{message} (see `{self.prog} --help`)")
+        report_error(f"{did_you_mean(message, option_names(self).values())} (see `{self.prog} --help`)")
         sys.exit(_BAD_USAGE)
 
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments and set up messages."""
     _accept_any_text()
-    args = parser().parse_args(argv)
+    args, left = parser().parse_known_args(argv)
+    if left:
+        args.parser.error(f"unrecognized arguments: {' '.join(left)}")
     if args.verbose:
         logging.basicConfig(stream=sys.stderr, level=logging.DEBUG if args.verbose > 1 else logging.INFO)
     else:
@@ -48,7 +54,10 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command that the arguments name, and give its exit code."""
+    names = option_names(args.parser)
     try:
+        expand_globs(args)
+        args.stage = stages(quiet=args.quiet)
         code = int(import_module(f"voxkernel.cli.{args.command}").run(args))
         sys.stdout.flush()
         return code
@@ -57,12 +66,12 @@ def run(args: argparse.Namespace) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _FAILED
     except UsageError as error:
-        report_error(f"{error} (see `voxkernel {args.command} --help`)")
+        report_error(f"{spoken(str(error), names)} (see `voxkernel {args.command} --help`)")
         return _BAD_USAGE
     except (VoxKernelError, OSError, ValueError, MemoryError) as error:
         if args.verbose:
             raise
-        report_error(str(error) or type(error).__name__)
+        report_error(spoken(str(error), names) or type(error).__name__)
         return _FAILED
 
 
@@ -92,6 +101,7 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
         module.add_arguments(sub)
+        sub.set_defaults(parser=sub)
     whole.set_defaults(verbose=0, quiet=False)
     return whole
 

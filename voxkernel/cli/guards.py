@@ -68,7 +68,8 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.guarding import guards, star_cover
     from voxkernel.mesh import as_mesh
 
-    mesh = as_mesh(args.mesh)
+    with args.stage(f"reading {display(args.mesh)}"):
+        mesh = as_mesh(args.mesh)
     found = guards(
         mesh, coverage=args.coverage, max_guards=args.max_guards, bound=args.bound,
         side="outside" if args.outside else "inside", distance=args.distance, threads=args.threads,
@@ -77,7 +78,8 @@ def run(args: argparse.Namespace) -> int:
     document: dict[str, Any] = {"file": args.mesh, **found.to_dict()}
     cover = None
     if output is not None:
-        cover = star_cover(found)
+        with args.stage("cutting pieces"):
+            cover = star_cover(found)
         document["pieces"] = cover.to_dict()["pieces"]
         if output.suffix.lower() == ".json":
             write_json(output, document)
@@ -87,7 +89,8 @@ def run(args: argparse.Namespace) -> int:
     if picture is not None:
         from voxkernel.pictures import guards_picture
 
-        guards_picture(picture, found, title=Path(args.mesh).name)
+        with args.stage(f"drawing {display(picture)}"):
+            guards_picture(picture, found, title=Path(args.mesh).name)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

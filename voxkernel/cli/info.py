@@ -4,32 +4,43 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from voxkernel.cli.messages import spoken
 from voxkernel.cli.output import display, number, print_json, print_table
 
-HELP = "facts of a mesh or of a stored grid"
+if TYPE_CHECKING:
+    from voxkernel.labels import LabelImage
+
+HELP = "facts of a mesh, of a polyhedral mesh, of a label image or of a stored grid"
 DESCRIPTION = (
     "Say what is true of a mesh: closed or open, oriented, boundary loops, degenerate facets, components,\n"
-    "area, volume. Of an .npz grid that `voxkernel kernel` wrote: voxels, transform, volume bounds. Of a\n"
-    ".vdb file: what `vdb_print -l` of OpenVDB says."
+    "area, volume. Of a polyhedral mesh (.hedra, .mesh, .vtu, a folder of cells): its cells and faces. Of a label\n"
+    "image (.tif, .nii, .nrrd, .h5, ...): its axes, spacing and objects. Of an .npz grid that `voxkernel kernel`\n"
+    "wrote: voxels, transform, volume bounds. Of a .vdb file: what `vdb_print -l` of OpenVDB says."
 )
-EXAMPLES = ("voxkernel info bust.ply", "voxkernel info bust.ply --json", "voxkernel info kernel.vdb")
+EXAMPLES = (
+    "voxkernel info bust.ply",
+    "voxkernel info bust.ply --json",
+    "voxkernel info cells.hedra",
+    "voxkernel info nuclei.tif",
+    "voxkernel info kernel.vdb",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("path", metavar="FILE", help="a mesh, or an .npz or .vdb grid")
+    parser.add_argument("path", metavar="FILE", help="a mesh, a label image, or an .npz or .vdb grid")
     parser.add_argument("--json", action="store_true", help="one JSON document")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the facts."""
-    suffix = Path(args.path).suffix.lower()
-    if suffix == ".vdb" and not args.json:
+    if Path(args.path).suffix.lower() == ".vdb" and not args.json:
         _print_vdb(args.path)
         return 0
-    facts = {".npz": npz_facts, ".vdb": vdb_facts}.get(suffix, mesh_facts)(args.path)
+    with args.stage(f"reading {display(args.path)}"):
+        facts = facts_of(args.path)
     document = {"file": args.path, **facts}
     if args.json:
         print_json(document)
@@ -38,11 +49,98 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def mesh_facts(path: str) -> dict[str, Any]:
+def facts_of(path: str) -> dict[str, Any]:
+    """Collect what is true of a file, or of a folder of cells, of whatever kind."""
+    from voxkernel.labels import is_label_file
+    from voxkernel.polyhedral import is_polyhedral
+
+    suffix = Path(path).suffix.lower()
+    if suffix == ".vdb":
+        return vdb_facts(path)
+    if suffix == ".npz" and not _is_label_archive(path):
+        return npz_facts(path)
+    if is_label_file(path):
+        return label_facts(path)
+    if is_polyhedral(path):
+        return polyhedral_facts(path)
+    return mesh_facts(path)
+
+
+def _is_label_archive(path: str) -> bool:
+    """Whether an .npz holds one image of whole numbers, as against a grid of this library."""
+    import zipfile
+
+    import numpy as np
+
+    from voxkernel.errors import GridReadError
+    from voxkernel.grid.npz import read_npz_file
+
+    try:
+        read_npz_file(path)
+    except GridReadError:
+        try:
+            return bool(np.issubdtype(_label_image(path)[0].source.dtype, np.integer))
+        except (OSError, ValueError, TypeError, zipfile.BadZipFile):
+            return False
+    return False
+
+
+def polyhedral_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of a polyhedral mesh."""
+    from voxkernel.polyhedral import read_polyhedral
+
+    mesh = read_polyhedral(path)
+    broken = [text for text in mesh.problems if text]
+    return {
+        "kind": "polyhedral mesh",
+        "cells": len(mesh),
+        "faces": len(mesh.face_offsets) - 1,
+        "vertices": len(mesh.vertices),
+        "turned_cells": mesh.n_turned,
+        "oriented_by": mesh.oriented_by,
+        "broken_cells": len(broken),
+        "first_problem": broken[0] if broken else "",
+        "lowest_corner": mesh.vertices.min(axis=0).tolist(),
+        "highest_corner": mesh.vertices.max(axis=0).tolist(),
+    }
+
+
+def label_facts(path: str) -> dict[str, Any]:
+    """Collect the facts of a label image and count its objects."""
+    from voxkernel.labels import find_objects
+
+    image, has_spacing = _label_image(path)
+    found = find_objects(image)
+    return {
+        "kind": "label image",
+        "axes": list(image.shape),
+        "values": str(image.source.dtype),
+        "spacing": list(image.spacing) if has_spacing else None,
+        "objects": len(found),
+        "labelled_voxels": int(found.voxels.sum()),
+    }
+
+
+def _label_image(path: str) -> tuple[LabelImage, bool]:
+    """Open a label image, and say whether the file stores its spacing; for what is counted here any will do."""
+    from voxkernel.labels import read_labels
+
+    for spacing in (None, (1.0, 1.0, 1.0)):
+        try:
+            return read_labels(path, spacing=spacing), spacing is None
+        except ValueError as error:
+            if "`spacing`" not in str(error):
+                raise
+    return read_labels(path, spacing=(1.0, 1.0)), False
+
+
+def mesh_facts(source: Any) -> dict[str, Any]:
     """Collect the facts of a mesh; arrays of ids become counts."""
     from voxkernel.mesh import as_mesh
+    from voxkernel.mesh.surface_notes import surface_notes
 
-    facts = as_mesh(path).facts()
+    mesh = as_mesh(source)
+    facts = mesh.facts()
     return {
         "vertices": facts.n_vertices,
         "triangles": facts.n_faces,
@@ -66,6 +164,7 @@ def mesh_facts(path: str) -> dict[str, Any]:
         "lowest_corner": facts.bbox[0].tolist(),
         "highest_corner": facts.bbox[1].tolist(),
         "diagonal": facts.diagonal,
+        "notes": list(surface_notes(mesh)),
     }
 
 
@@ -121,4 +220,4 @@ def _text(value: Any) -> str:
         return number(value, 10)
     if isinstance(value, list):
         return "  ".join(_text(item) for item in value) or "-"
-    return "-" if value is None or value == "" else display(str(value))
+    return "-" if value is None or value == "" else display(spoken(str(value), {}))

@@ -19,31 +19,35 @@ from voxkernel.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from voxkernel.exact import Kernel
+    from voxkernel.exact import Kernel, KernelPolytope
 
 HELP = "the kernel of a mesh, exact or as voxels"
 DESCRIPTION = (
     "Compute the kernel of a mesh: the points from which the whole surface can be seen.\n"
-    "Without grid options the kernel is exact: .ply is its polygon mesh, .json has everything with the\n"
-    "certificate. With --depth, --voxel-size, --rtol, --tolerance or --margin, or for .npz and .vdb, it is a\n"
-    "sparse voxel grid with certain volume bounds. An empty kernel is an answer, not an error."
+    "Without grid options the kernel is exact: .ply and .vtp are its polygons, .json has everything with the\n"
+    "certificate. With --depth, --voxel-size, --rtol, --tolerance or --margin, or for .npz, .vdb and .vtu, it is a\n"
+    "sparse voxel grid with certain volume bounds; .vtu (cells) and .vtp (faces) then tell ParaView the state of\n"
+    "each cell (1 inside, 0 undecided), its level and its violation. An empty kernel is an answer, not an error."
 )
 EXAMPLES = (
     "voxkernel kernel bust.ply",
     "voxkernel kernel bust.ply -o kernel.ply --picture kernel.png",
     "voxkernel kernel bust.ply -o kernel.vdb --depth 9",
+    "voxkernel kernel scan.ply -o kernel.vtu --tolerance 0.03",
     "voxkernel kernel face.obj --domain hull -o kernel.json --picture kernel.html",
     "voxkernel kernel scan.ply --tolerance 0.03 -o kernel.vdb --picture kernel.html",
     "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
 )
 _GRID_OPTIONS = ("depth", "voxel_size", "rtol", "tolerance", "margin", "threads", "frame")
+_GRIDS = (".npz", ".vdb", ".vtu")
+_SUFFIXES = (".ply", ".json", *_GRIDS, ".vtp", ".glb")
 _NAMES = ("point", "segment", "flat polygon", "solid")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
-    parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz or .vdb")
+    parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz, .vdb, .vtu, .vtp or .glb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
@@ -69,43 +73,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute, print, write."""
-    output = None if args.output is None else check_output(args.output, (".ply", ".json", ".npz", ".vdb"))
+    output = None if args.output is None else check_output(args.output, _SUFFIXES)
     picture = None if args.picture is None else check_picture(args.picture)
     options = {name: getattr(args, name) for name in _GRID_OPTIONS}
     options = {name: value for name, value in options.items() if value is not None}
-    as_grid = bool(options) or (output is not None and output.suffix.lower() in (".npz", ".vdb"))
+    as_grid = bool(options) or (output is not None and output.suffix.lower() in _GRIDS)
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
 
     from voxkernel.mesh import as_mesh
 
-    mesh = as_mesh(args.mesh)
+    with args.stage(f"reading {display(args.mesh)}"):
+        mesh = as_mesh(args.mesh)
     if as_grid:
         from voxkernel.voxels import voxel_kernel
 
-        kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
+        with args.stage("computing voxels"):
+            kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
         document = kernel.to_dict()
         rows = _grid_rows(document)
     else:
         from voxkernel.exact import exact_kernel
 
-        kernel = polytope = exact_kernel(mesh, domain=args.domain)
+        with args.stage("computing the exact kernel"):
+            kernel = polytope = exact_kernel(mesh, domain=args.domain)
         document = kernel.to_dict()
         rows = _exact_rows(polytope)
     document = {"file": args.mesh, **document}
     if output is not None:
-        _write(kernel, document, output)
+        with args.stage(f"writing {display(output)}"):
+            _write(mesh, kernel, document, output)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if picture is not None:
         from voxkernel.pictures import surface_picture
 
         shown = kernel
-        if as_grid and kernel.dimension < 3 and not document["tolerance"]:
-            # Nothing to see in the grid; the polytope has the proof.
-            from voxkernel.exact import exact_kernel
+        with args.stage(f"drawing {display(picture)}"):
+            if as_grid and kernel.dimension < 3 and not document["tolerance"]:
+                # Nothing to see in the grid; the polytope has the proof.
+                from voxkernel.exact import exact_kernel
 
-            shown = exact_kernel(mesh, domain=args.domain)
-        surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
+                shown = exact_kernel(mesh, domain=args.domain)
+            surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)
@@ -161,16 +170,34 @@ def _grid_rows(document: dict[str, Any]) -> dict[str, str]:
     return rows
 
 
-def _write(kernel: Kernel, document: dict[str, Any], path: Path) -> None:
+def _write(mesh: Any, kernel: Kernel, document: dict[str, Any], path: Path) -> None:
+    from voxkernel.exact import KernelPolytope
     from voxkernel.voxels import KernelGrid
 
     suffix = path.suffix.lower()
     if suffix == ".json":
         write_json(path, document)
-    elif isinstance(kernel, KernelGrid) and suffix != ".ply":
+    elif suffix == ".glb":
+        kernel.to_mesh().write(path)
+    elif isinstance(kernel, KernelGrid) and suffix in (".npz", ".vdb"):
         kernel.write(path, metadata={"source": display(Path(document["file"]).name)})
+    elif isinstance(kernel, KernelGrid) and suffix in (".vtu", ".vtp"):
+        kernel.write(path, surface=mesh)
+    elif isinstance(kernel, KernelPolytope) and suffix == ".vtp":
+        _write_polygons(path, kernel)
     else:
         kernel.write(path)
+
+
+def _write_polygons(path: Path, kernel: KernelPolytope) -> None:
+    """The faces of a polytope, each with the input facet it lies on."""
+    import numpy as np
+
+    from voxkernel._vtk_xml import write_polygons
+
+    sizes = np.array([len(face) for face in kernel.faces], dtype=np.int64)
+    flat = np.concatenate([np.zeros(0, np.int64), *kernel.faces])
+    write_polygons(path, kernel.vertices, flat, sizes, cell_data={"input_facet": kernel.face_facets})
 
 
 def _depth(text: str) -> int:

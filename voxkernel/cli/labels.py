@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
+from voxkernel.cli.messages import option_names, spoken
 from voxkernel.cli.output import UsageError, display, say
 
 HELP = "label images: which objects are star-convex, from where, and why not"
@@ -60,11 +61,14 @@ def run(args: argparse.Namespace) -> int:
     except BadInput as error:
         raise UsageError(str(error)) from error
     page = Path(args.output) / "report.html"
-    summary = write_report(page, args.output)
+    with args.stage("writing the report"):
+        summary = write_report(page, args.output)
     if args.map is not None:
-        _write_map(args, settings)
+        with args.stage(f"writing {display(args.map)}"):
+            _write_map(args, settings)
+    names = option_names(args.parser)
     for entry in summary["failures"]["rows"]:
-        say(f"{display(entry['file'])}: {display(entry['reason'])}", quiet=args.quiet)
+        say(f"{display(entry['file'])}: {display(spoken(entry['reason'], names))}", quiet=args.quiet)
     print(f"{display(args.output)}: {_words(summary.get('objects'))}")
     return 1 if result.n_failed else 0
 

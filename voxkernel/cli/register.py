@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     """Register, print, write."""
     check_installed("open3d")
     output = None if args.output is None else check_output(args.output, (".json",))
-    moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl"))
+    moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl", ".vtp", ".glb"))
     picture = None if args.picture is None else check_picture(args.picture)
     for path in (args.source, args.target):
         if moved is not None and moved.exists() and Path(path).exists() and moved.samefile(path):
@@ -67,11 +67,15 @@ def run(args: argparse.Namespace) -> int:
 
     from voxkernel.registration import prepare_surface, register
 
-    source, target = (prepare_surface(path, margins=args.margins) for path in (args.source, args.target))
-    found = register(
-        source, target, margins=args.margins, refine=args.refine, max_distance=args.max_distance,
-        overlap_steps=args.overlap_steps,
-    )  # fmt: skip
+    with args.stage(f"preparing {display(args.source)}"):
+        source = prepare_surface(args.source, margins=args.margins)
+    with args.stage(f"preparing {display(args.target)}"):
+        target = prepare_surface(args.target, margins=args.margins)
+    with args.stage("registering"):
+        found = register(
+            source, target, margins=args.margins, refine=args.refine, max_distance=args.max_distance,
+            overlap_steps=args.overlap_steps,
+        )  # fmt: skip
     document = {"source": args.source, "target": args.target, **found.to_dict()}
     if output is not None:
         write_json(output, document)
@@ -83,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import registration_picture
 
         names = " → ".join(display(Path(p).name) for p in (args.source, args.target))
-        registration_picture(picture, source, target, found, title=names)
+        with args.stage(f"drawing {display(picture)}"):
+            registration_picture(picture, source, target, found, title=names)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -58,11 +58,13 @@ def run(args: argparse.Namespace) -> int:
     if args.output is None:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "report"
-            write_report(file, args.run, format=form, **options)
+            with args.stage(f"reporting {display(args.run)}"):
+                write_report(file, args.run, format=form, **options)
             print(file.read_text(encoding="utf-8"), end="")
         return 0
     target = check_output(args.output, _SUFFIXES) if form is None else check_output(args.output, (".md", ".json", ""))
-    summary = write_report(target, args.run, format=form, **options)
+    with args.stage(f"reporting {display(args.run)}"):
+        summary = write_report(target, args.run, format=form, **options)
     counts = ", ".join(f"{n:,} {name}" for name, n in summary["counts"].items())
     size = target.stat().st_size / 1e6
     say(f"{display(target)}: {summary['n_rows']:,} rows ({counts}), {size:.1f} MB", quiet=args.quiet)

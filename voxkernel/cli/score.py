@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import Any
 
+from voxkernel.cli.messages import option_names, spoken
 from voxkernel.cli.output import display, number, print_json, say, table_row
 from voxkernel.errors import VoxKernelError
 
@@ -22,6 +23,7 @@ EXAMPLES = (
 )
 _COLUMNS = ("file", "verdict", "ratio", "volume", "reference", "reason")
 _WIDTHS = (16, 11, 12, 15)
+_OTHER_SCALE = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,10 +40,12 @@ def run(args: argparse.Namespace) -> int:
         print(table_row(_COLUMNS, widths), file=sys.stderr)
     entries: list[dict[str, Any]] = []
     for path in args.meshes:
-        entry = _score(path, args.domain)
+        with args.stage(f"scoring {display(path)}"):
+            entry = _score(path, args.domain, option_names(args.parser))
         entries.append(entry)
         if not args.json:
             print(table_row(_cells(entry), widths), flush=True)
+    _note_sizes(entries, args.json, args.quiet)
     if args.json:
         print_json(entries)
     failed = sum(entry["status"] == "failed" for entry in entries)
@@ -50,18 +54,42 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _score(path: str, domain: str | None) -> dict[str, Any]:
+def _score(path: str, domain: str | None, names: dict[str, str]) -> dict[str, Any]:
     from voxkernel.measures import starshapeness
+    from voxkernel.mesh import as_mesh
+    from voxkernel.mesh.surface_notes import surface_notes
 
     try:
-        return {"file": path, "status": "ok", **starshapeness(path, domain=domain).to_dict()}
+        mesh = as_mesh(path)
+        score = starshapeness(mesh, domain=domain).to_dict()
+        known = "facets point inwards" if any("inwards" in note for note in score["notes"]) else "\0"
+        score["notes"] += [note for note in surface_notes(mesh) if known not in note]
+        return {"file": path, "status": "ok", **score, "diagonal": mesh.facts().diagonal}
     except (VoxKernelError, OSError, ValueError, MemoryError) as error:
-        return {"file": path, "status": "failed", "reason": " ".join(str(error).split()) or type(error).__name__}
+        reason = " ".join(spoken(str(error), names).split()) or type(error).__name__
+        return {"file": path, "status": "failed", "reason": reason}
+
+
+def _note_sizes(entries: list[dict[str, Any]], as_json: bool, quiet: bool) -> None:
+    """Note meshes that are a thousand times smaller or larger than the others: mostly metres among millimetres."""
+    import statistics
+
+    sizes = [entry["diagonal"] for entry in entries if entry.get("diagonal")]
+    middle = statistics.median(sizes) if len(sizes) > 2 else 0.0
+    for entry in entries:
+        share = entry.get("diagonal", 0.0) / middle if middle else 0.0
+        if share and not 1.0 / _OTHER_SCALE < share < _OTHER_SCALE:
+            word = f"{share:.3g} times as large" if share > 1.0 else f"{1.0 / share:.3g} times smaller"
+            note = f"{word} than the median of {len(sizes)} meshes: other units?"
+            note = note.replace("as large than", "as large as")
+            entry["notes"] = [*entry["notes"], note]
+            if not as_json:
+                say(f"{display(entry['file'])}: {note}", quiet=quiet)
 
 
 def _cells(entry: dict[str, Any]) -> list[str]:
     name = display(entry["file"])
     if entry["status"] == "failed":
         return [name, "failed", "-", "-", "-", display(entry["reason"])]
-    reason = "; ".join([entry["reason"], *entry["notes"]] if entry["reason"] else entry["notes"])
+    reason = spoken("; ".join([entry["reason"], *entry["notes"]] if entry["reason"] else entry["notes"]), {})
     return [name, entry["verdict"], number(entry["ratio"]), number(entry["volume"]), entry["reference"], reason]

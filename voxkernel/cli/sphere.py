@@ -61,22 +61,27 @@ def run(args: argparse.Namespace) -> int:
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
 
-    sphere = _project(args)
+    with args.stage(f"projecting {display(args.mesh)}"):
+        sphere = _project(args)
     document: dict[str, Any] = {"file": args.mesh, **sphere.to_dict()}
     samples = None
     if picture is not None or (output is not None and output.suffix.lower() != ".json"):
-        samples = sphere.sample(grid=args.grid, n=args.n)
-        error = sphere.error(samples.reconstruct())
+        with args.stage("measuring radii"):
+            samples = sphere.sample(grid=args.grid, n=args.n)
+        with args.stage("measuring the reconstruction"):
+            error = sphere.error(samples.reconstruct())
         document["reconstruction"] = {
             "grid": args.grid, "n": args.n, "covered": samples.covered, "hausdorff": error.hausdorff, "rms": error.rms
         }  # fmt: skip
     if output is not None:
-        _write(sphere, samples, document, output, args.degree)
+        with args.stage(f"writing {display(output)}"):
+            _write(sphere, samples, document, output, args.degree)
         say(f"wrote {display(output)}", quiet=args.quiet)
     if picture is not None:
         from voxkernel.pictures import sphere_picture
 
-        sphere_picture(picture, sphere, samples=samples, title=display(Path(args.mesh).name))
+        with args.stage(f"drawing {display(picture)}"):
+            sphere_picture(picture, sphere, samples=samples, title=display(Path(args.mesh).name))
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

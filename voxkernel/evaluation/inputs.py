@@ -24,7 +24,7 @@ __all__ = [
     "local_copy", "read_labels", "with_data",
 ]  # fmt: skip
 
-_SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .x3d .x3dv".split())
+_SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .vtp .x3d .x3dv".split())
 _SOLIDS = (".hedra", ".mesh", ".vtu")
 _MAGIC = "*?["
 

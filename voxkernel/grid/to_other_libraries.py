@@ -128,12 +128,8 @@ def to_pyvista_cells(grid: SparseGrid, *, max_cells: int = 20_000_000) -> Any:
     """
     pyvista = optional("pyvista")
 
-    corner, edge, value = _cells_of(grid, max_cells)
-    steps = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
-    if np.linalg.det(grid.linear) < 0:
-        steps = steps[:, [1, 0, 2]]
-    lattice = corner[:, None] + steps * edge[:, None, None]
-    points = lattice.reshape(-1, 3) @ grid.linear.T + grid.origin
+    corner, edge, value = cells_of(grid, max_cells)
+    points = hexahedron_corners(grid, corner, edge).reshape(-1, 3)
     n_cells = len(corner)
     connectivity = np.column_stack([np.full(n_cells, 8), np.arange(8 * n_cells).reshape(n_cells, 8)]).ravel()
     kinds = np.full(n_cells, int(pyvista.CellType.HEXAHEDRON), dtype=np.uint8)
@@ -144,7 +140,17 @@ def to_pyvista_cells(grid: SparseGrid, *, max_cells: int = 20_000_000) -> Any:
     return cells
 
 
-def _cells_of(
+def hexahedron_corners(
+    grid: SparseGrid, corner: NDArray[np.int64], edge: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Eight world points a cell, (n, 8, 3), in the order of VTK's hexahedron."""
+    steps = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+    if np.linalg.det(grid.linear) < 0:
+        steps = steps[:, [1, 0, 2]]
+    return (corner[:, None] + steps * edge[:, None, None]) @ grid.linear.T + grid.origin
+
+
+def cells_of(
     grid: SparseGrid, max_cells: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32] | None]:
     """Lower corner, edge and value of every tile and of every active voxel of a leaf."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_nonnegative, as_points
 from voxkernel._extras import optional
 from voxkernel.errors import MeshError
+from voxkernel.mesh.containers import from_meshlab, from_scene, from_unstructured
 from voxkernel.mesh.files import Polygons, merge_equal_corners, read_polygons
 from voxkernel.mesh.mesh_like import MeshLike
 from voxkernel.mesh.polygons import flatten_polygons
@@ -18,8 +19,8 @@ from voxkernel.mesh.triangle_mesh import TriangleMesh
 __all__ = ["as_mesh"]
 
 _ACCEPTED = (
-    "a path, a TriangleMesh, a pair (vertices, faces), or a mesh of Open3D (legacy or tensor), trimesh, "
-    "PyVista (PolyData) or meshio"
+    "a path, a TriangleMesh, a pair (vertices, faces), a dict of both, or a mesh of Open3D (legacy or tensor), "
+    "trimesh, PyVista (PolyData, UnstructuredGrid), PyMeshLab or meshio"
 )
 
 
@@ -29,12 +30,15 @@ def as_mesh(mesh: MeshLike, *, facets: ArrayLike | None = None, planarity_rtol: 
     Parameters
     ----------
     mesh : str, os.PathLike, TriangleMesh, (vertices, faces), or a foreign mesh
-        - A path ending in ``.ply``, ``.off``, ``.obj``, ``.stl``, ``.gltf``, ``.glb``, ``.wrl``, or
-          another suffix PyMeshLab reads (``.3ds .3mf .ctm .dae .fbx .tri .vmi .x3d``).
+        - A path ending in ``.ply``, ``.off``, ``.obj``, ``.stl``, ``.vtp``, ``.gltf``, ``.glb``,
+          ``.wrl``, or another suffix PyMeshLab reads (``.3ds .3mf .ctm .dae .fbx .tri .vmi .x3d``).
         - A pair of an (n, 3) array of coordinates and an (m, k) integer array or a sequence of polygons
-          of any length; counter-clockwise seen from outside.
+          of any length; counter-clockwise seen from outside. Or a dict that has them as ``vertices`` and
+          ``faces``, whatever else it holds.
         - `open3d.geometry.TriangleMesh`, `open3d.t.geometry.TriangleMesh`, `trimesh.Trimesh`,
-          `pyvista.PolyData` (or vtkPolyData), `meshio.Mesh`.
+          a `trimesh.Scene` of one geometry, where the scene puts it, `pyvista.PolyData` (or vtkPolyData),
+          a `pyvista.UnstructuredGrid` of polygons, `pymeshlab.Mesh`, a `pymeshlab.MeshSet` of one mesh,
+          `meshio.Mesh`.
         - A `TriangleMesh`, which is returned as it is.
     facets : (k,) integer ids or (n_facets,) bool mask, optional
         Keep only these facets (polygons of the input); see `TriangleMesh.restricted`.
@@ -85,6 +89,8 @@ def _convert(mesh: MeshLike, rtol: float) -> TriangleMesh:
         return _from_file(mesh, rtol)
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         return _from_pair(mesh, rtol)
+    if isinstance(mesh, dict) and "vertices" in mesh and "faces" in mesh:
+        return _from_pair((mesh["vertices"], mesh["faces"]), rtol)
     given: Any = mesh
     for base in type(given).__mro__:
         root, name = base.__module__.split(".")[0], base.__name__
@@ -93,6 +99,12 @@ def _convert(mesh: MeshLike, rtol: float) -> TriangleMesh:
             return _from_open3d_tensor(given) if tensor else _from_open3d(given)
         if (root, name) == ("trimesh", "Trimesh"):
             return TriangleMesh.from_triangles(given.vertices, given.faces, source="trimesh.Trimesh")
+        if (root, name) == ("trimesh", "Scene"):
+            return from_scene(given)
+        if (root, name) in (("pymeshlab", "MeshSet"), ("pymeshlab", "Mesh")):
+            return from_meshlab(given)
+        if name == "vtkUnstructuredGrid":
+            return from_unstructured(given, rtol)
         if name == "vtkPolyData":
             return _from_polydata(given, rtol)
         if (root, name) == ("meshio", "Mesh"):

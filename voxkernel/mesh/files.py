@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
+from voxkernel._vtk_xml import write_polygons
 from voxkernel.errors import MeshReadError
+from voxkernel.mesh.glb import format_glb
 from voxkernel.mesh.obj import parse_obj
 from voxkernel.mesh.off import parse_off
 from voxkernel.mesh.ply import Polygons, format_ply, parse_ply
 from voxkernel.mesh.stl import parse_stl
 from voxkernel.mesh.triangles import unit_normals
+from voxkernel.mesh.vtp import parse_vtp
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
 
@@ -28,7 +31,7 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
     """Read a file by its suffix; every failure is a MeshReadError of one line that names the file."""
     file = input_file(path, MeshReadError)
     suffix = file.suffix.lower()
-    parsers = {".ply": parse_ply, ".off": parse_off, ".obj": parse_obj, ".stl": parse_stl}
+    parsers = {".ply": parse_ply, ".off": parse_off, ".obj": parse_obj, ".stl": parse_stl, ".vtp": parse_vtp}
     if suffix not in parsers and suffix not in _MESHLAB_SUFFIXES:
         known = " ".join(sorted((*parsers, *_MESHLAB_SUFFIXES)))
         raise MeshReadError(f"`path` must end in one of {known}; got '{file}'")
@@ -75,7 +78,7 @@ def merge_equal_corners(soup: Polygons) -> Polygons:
 def write_triangles(
     path: str | os.PathLike[str], vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> None:
-    """Write one of four formats; the first three keep float64 exactly."""
+    """Write one of six formats; .stl and .glb round to float32, the others keep float64 exactly."""
     file = Path(path)
     suffix = file.suffix.lower()
     if suffix == ".ply":
@@ -87,8 +90,12 @@ def write_triangles(
         file.write_text(head + _rows("%.17g %.17g %.17g\n", vertices) + _rows("3 %d %d %d\n", faces))
     elif suffix == ".obj":
         file.write_text(_rows("v %.17g %.17g %.17g\n", vertices) + _rows("f %d %d %d\n", faces + 1))
+    elif suffix == ".vtp":
+        write_polygons(file, vertices, faces.reshape(-1), np.full(len(faces), 3))
+    elif suffix == ".glb":
+        file.write_bytes(format_glb(vertices, faces))
     else:
-        raise ValueError(f"`path` must end in one of .obj .off .ply .stl; got '{file}'")
+        raise ValueError(f"`path` must end in one of .glb .obj .off .ply .stl .vtp; got '{file}'")
 
 
 def _rows(pattern: str, table: NDArray[np.generic]) -> str:

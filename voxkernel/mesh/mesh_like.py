@@ -46,6 +46,37 @@ class _WithPolygons(Protocol):
     def faces(self) -> Any: ...
 
 
+class _WithMatrices(Protocol):
+    """`pymeshlab.Mesh`."""
+
+    def vertex_matrix(self) -> Any: ...
+    def face_matrix(self) -> Any: ...
+
+
+class _WithCurrentMesh(Protocol):
+    """`pymeshlab.MeshSet`."""
+
+    def current_mesh(self) -> Any: ...
+
+
+class _WithGeometry(Protocol):
+    """`trimesh.Scene`."""
+
+    @property
+    def geometry(self) -> Any: ...
+    @property
+    def graph(self) -> Any: ...
+
+
+class _WithCellTypes(Protocol):
+    """`pyvista.UnstructuredGrid`."""
+
+    @property
+    def points(self) -> Any: ...
+    @property
+    def celltypes(self) -> Any: ...
+
+
 class _WithCells(Protocol):
     """`meshio.Mesh`."""
 
@@ -61,9 +92,14 @@ MeshLike: TypeAlias = (
     | os.PathLike[str]
     | tuple[ArrayLike, ArrayLike]
     | list[Any]
+    | dict[str, Any]
     | _WithFaces
     | _WithTriangles
     | _WithTensors
     | _WithPolygons
+    | _WithMatrices
+    | _WithCurrentMesh
+    | _WithGeometry
+    | _WithCellTypes
     | _WithCells
 )

@@ -462,8 +462,8 @@ class TriangleMesh(Frozen):
         Parameters
         ----------
         path : str or os.PathLike
-            ``.ply`` (binary, float64), ``.off`` and ``.obj`` (text, 17 digits) keep every coordinate
-            exactly; ``.stl`` (binary, float32, no shared vertices) does not.
+            ``.ply`` and ``.vtp`` (binary, float64), ``.off`` and ``.obj`` (text, 17 digits) keep every coordinate
+            exactly; ``.glb`` (float32) and ``.stl`` (binary, float32, no shared vertices) do not.
 
         Raises
         ------

@@ -67,6 +67,23 @@ class StarCenter(Frozen):
         """Distance between the bounds."""
         return self.violation_bounds[1] - self.violation_bounds[0]
 
+    @property
+    def border_distance(self) -> float:
+        """Distance of the point from the nearest plane of the domain, mesh units; infinite without a domain.
+
+        Near 0 the domain decides where the point lies: a larger one would have a better point further out.
+        """
+        if self.domain is None:
+            return float("inf")
+        return max(0.0, float((self.domain.offsets - self.domain.normals @ self.point).min()))
+
+    @property
+    def is_at_border(self) -> bool:
+        """Whether the point lies within 0.1 % of the domain's size of the domain's border, and faces not all."""
+        if self.domain is None or not self.violation_bounds[1]:
+            return False
+        return self.border_distance < 1e-3 * float(np.ptp(self.domain.vertices, axis=0).max())
+
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers, ready for JSON."""
         return plain({

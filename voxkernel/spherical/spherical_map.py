@@ -305,7 +305,17 @@ def spherical_map(
             return _project(mesh, HalfSpaces.from_mesh(mesh), found.point, center, notes=_relaxed_notes(found))
         return _from_kernel(mesh, center, margin, domain)
     point = as_points("center", np.asarray(center)[None])[0].copy()
-    return _project(mesh, HalfSpaces.from_mesh(mesh), point, "point")
+    return _project(mesh, HalfSpaces.from_mesh(mesh), point, "point", notes=_outside_notes(mesh, point, domain))
+
+
+def _outside_notes(mesh: TriangleMesh, point: NDArray[np.float64], domain: Any) -> tuple[str, ...]:
+    """A point that no search would have looked at is mostly a slip: other units, another frame."""
+    argument = surface_argument(mesh)
+    region = argument.bounded_domain(argument.domain(domain, EXACT))
+    beyond = float((region.normals @ point - region.offsets).max())
+    if beyond <= 0.0:
+        return ()
+    return (f"the centre lies outside the domain ({region.kind}), by {beyond:.3g}",)
 
 
 def _relaxed_notes(found: Any) -> tuple[str, ...]:

@@ -19,9 +19,10 @@ from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.grid import SparseGrid, to_surface, write_npz
 from voxkernel.grid.npz import read_npz_file
 from voxkernel.halfspaces import Domain
-from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh import MeshLike, TriangleMesh
 from voxkernel.vdb import read_vdb, write_vdb
 from voxkernel.voxels.certain_voxels import classify_points
+from voxkernel.voxels.vtk_cells import write_vtp, write_vtu
 
 __all__ = ["KernelGrid"]
 
@@ -260,26 +261,44 @@ class KernelGrid(Frozen):
             entries["reason"] = self.reason
         return entries
 
-    def write(self, path: str | os.PathLike[str], *, metadata: Mapping[str, Any] | None = None) -> None:
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        metadata: Mapping[str, Any] | None = None,
+        surface: MeshLike | None = None,
+    ) -> None:
         """Write the grid; the suffix picks the format.
 
         Parameters
         ----------
         path : str or os.PathLike
             ``.npz``: everything, small. ``.vdb``: for other programs; of the domain only its kind. ``.ply``: the faces
-            of the inside voxels as triangles; a file without vertices where there is none.
+            of the inside voxels as triangles; a file without vertices where there is none. ``.glb``: the same.
+            ``.vtu``: tiles and voxels as hexahedra, for ParaView, with the cell data ``state`` (1 inside, 0
+            undecided), ``level`` (the root cube is 0, a voxel `depth`) and ``violation``. ``.vtp``: the faces of the
+            inside voxels, with the same data.
         metadata : mapping of str to bool, int, float or str, optional
             Further entries for .npz and .vdb.
+        surface : mesh, path or (vertices, faces), optional
+            Of which this is the kernel: .vtu and .vtp then have ``violation``, at the centre of each cell or triangle;
+            0 inside the exact kernel.
 
         Raises
         ------
         ValueError
-            If the suffix is none of these, or `metadata` is given for a .ply.
+            If the suffix is none of these, or `metadata` or `surface` is given where it has no place.
+        MeshError
+            For a .glb of a grid without an inside voxel.
         OSError
             If the file cannot be written.
         """
         target, more = Path(path), dict(metadata or {})
         suffix = target.suffix.lower()
+        if more and suffix not in (".npz", ".vdb"):
+            raise ValueError(f"`metadata` must be left out of a {suffix}; got {sorted(more)}")
+        if surface is not None and suffix not in (".vtu", ".vtp"):
+            raise ValueError(f"`surface` must be left out of a {suffix}; got {type(surface).__name__}")
         if suffix == ".vdb":
             write_vdb(target, self, metadata=more)
         elif suffix == ".npz":
@@ -289,14 +308,17 @@ class KernelGrid(Frozen):
                 more["domain_polytope"] = {**{k: v.tolist() for k, v in arrays.items()}, "volume": d.volume}
             write_npz(target, self, metadata=more)
         elif suffix == ".ply":
-            if more:
-                raise ValueError(f"`metadata` must be left out of a .ply; got {sorted(more)}")
             if self.active_voxel_count:
                 self.to_mesh().write(target)
             else:
                 write_polygon_ply(target, np.zeros((0, 3)), (), np.zeros(0, np.int64))
+        elif suffix == ".glb":
+            self.to_mesh().write(target)
+        elif suffix in (".vtu", ".vtp"):
+            (write_vtu if suffix == ".vtu" else write_vtp)(target, self, surface)
         else:
-            raise ValueError(f"`path` must end in .npz, .vdb or .ply for a kernel grid; got {os.fspath(path)!r}")
+            known = ".npz, .vdb, .ply, .glb, .vtu or .vtp"
+            raise ValueError(f"`path` must end in {known} for a kernel grid; got {os.fspath(path)!r}")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
