@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import equal_corners
 from voxkernel._input_file import input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.mesh.obj import parse_obj
@@ -18,6 +19,7 @@ from voxkernel.mesh.off import parse_off
 from voxkernel.mesh.ply import Polygons, format_ply, parse_ply
 from voxkernel.mesh.stl import parse_stl
 from voxkernel.mesh.triangles import unit_normals
+from voxkernel.mesh.usual_files import read_usual
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
 
@@ -34,6 +36,9 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
         raise MeshReadError(f"`path` must end in one of {known}; got '{file}'")
     try:
         if suffix in parsers:
+            usual = _usual(file)
+            if usual is not None and len(usual.sizes):
+                return usual
             data = file.read_bytes()
             empty = not data.strip()
         else:
@@ -53,23 +58,21 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
         raise MeshReadError(f"'{file}' is not a readable {suffix} file: {_one_line(str(error))}") from error
 
 
+def _usual(file: Path) -> Polygons | None:
+    try:
+        return read_usual(file)
+    except MemoryError as error:
+        raise MeshReadError(f"'{file}' cannot be read: it is too large for the memory") from error
+
+
 def _one_line(text: str) -> str:
     return " ".join(text.split())[:300]
 
 
 def merge_equal_corners(soup: Polygons) -> Polygons:
     """Give equal positions one vertex, in the order of first appearance: STL has no other way to share."""
-    x, y, z = soup.vertices.T
-    order = np.lexsort((z, y, x))
-    rows = soup.vertices[order]
-    new = np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])[: len(rows)]
-    first = order[new]  # lexsort is stable: the earliest corner of each group comes first
-    rank = np.empty(len(first), dtype=np.int64)
-    by_appearance = np.argsort(first)
-    rank[by_appearance] = np.arange(len(first))
-    ids = np.empty(len(rows), dtype=np.int64)
-    ids[order] = rank[np.cumsum(new) - 1]
-    return Polygons(soup.vertices[first[by_appearance]], ids[soup.flat], soup.sizes)
+    vertices, ids = equal_corners(np.ascontiguousarray(soup.vertices))
+    return Polygons(vertices, ids[soup.flat], soup.sizes)
 
 
 def write_triangles(
