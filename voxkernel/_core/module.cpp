@@ -19,6 +19,7 @@ void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
 void bind_predicates(nb::module_& m);
+void bind_reading(nb::module_& m);
 void bind_sphere(nb::module_& m);
 void bind_violation(nb::module_& m);
 
@@ -47,6 +48,7 @@ NB_MODULE(_core, m) {
   bind_planes(m);
   bind_polyhedron(m);
   bind_predicates(m);
+  bind_reading(m);
   bind_sphere(m);
   bind_violation(m);
 }

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._core import equal_corners
 from voxkernel._input_file import input_file
 from voxkernel._vtk_xml import write_polygons
 from voxkernel.errors import MeshReadError
@@ -20,6 +21,7 @@ from voxkernel.mesh.off import parse_off
 from voxkernel.mesh.ply import Polygons, format_ply, parse_ply
 from voxkernel.mesh.stl import parse_stl
 from voxkernel.mesh.triangles import unit_normals
+from voxkernel.mesh.usual_files import read_usual
 from voxkernel.mesh.vtp import parse_vtp
 
 __all__ = ["Polygons", "merge_equal_corners", "read_polygons", "write_triangles"]
@@ -37,12 +39,17 @@ def read_polygons(path: str | os.PathLike[str]) -> Polygons:
         raise MeshReadError(f"`path` must end in one of {known}; got '{file}'")
     try:
         if suffix in parsers:
+            usual = read_usual(file)
+            if usual is not None and len(usual.sizes):
+                return usual
             data = file.read_bytes()
             empty = not data.strip()
         else:
             data, empty = b"", file.stat().st_size == 0
     except OSError as error:
         raise MeshReadError(f"'{file}' cannot be read: {error.strerror or error}") from error
+    except MemoryError as error:
+        raise MeshReadError(f"'{file}' cannot be read: it is too large for the memory") from error
     if empty:
         raise MeshReadError(f"'{file}' cannot be read: the file is empty")
     if suffix not in parsers:
@@ -62,17 +69,8 @@ def _one_line(text: str) -> str:
 
 def merge_equal_corners(soup: Polygons) -> Polygons:
     """Give equal positions one vertex, in the order of first appearance: STL has no other way to share."""
-    x, y, z = soup.vertices.T
-    order = np.lexsort((z, y, x))
-    rows = soup.vertices[order]
-    new = np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])[: len(rows)]
-    first = order[new]  # lexsort is stable: the earliest corner of each group comes first
-    rank = np.empty(len(first), dtype=np.int64)
-    by_appearance = np.argsort(first)
-    rank[by_appearance] = np.arange(len(first))
-    ids = np.empty(len(rows), dtype=np.int64)
-    ids[order] = rank[np.cumsum(new) - 1]
-    return Polygons(soup.vertices[first[by_appearance]], ids[soup.flat], soup.sizes)
+    vertices, ids = equal_corners(np.ascontiguousarray(soup.vertices))
+    return Polygons(vertices, ids[soup.flat], soup.sizes)
 
 
 def write_triangles(

@@ -7,9 +7,9 @@ import numpy as np
 from voxkernel.mesh.ply import Polygons
 from voxkernel.mesh.text_rows import TextLines, text_lines, whole_numbers
 
-__all__ = ["parse_obj"]
+__all__ = ["PASSED_OVER", "parse_obj"]
 
-_PASSED_OVER = frozenset(
+PASSED_OVER = frozenset(
     "vt vn vp p l g s o mg usemtl mtllib usemap maplib cstype deg bmat step curv curv2 surf parm trim hole scrv sp end "
     "con bevel c_interp d_interp lod shadow_obj trace_obj ctech stech bsp bzp cdc cdp res".split()
 )
@@ -38,7 +38,7 @@ def parse_obj(data: bytes) -> Polygons:
             faces.append(rest)
             seen.append(len(vertices))
             face_lines.append(number)
-        elif word not in _PASSED_OVER:
+        elif word not in PASSED_OVER:
             raise ValueError(f"line {number}: unknown word '{word[:40]}'")
     if any("/" in line for line in faces):
         faces = re.sub(r"/[^\s]*", "", "\n".join(faces)).split("\n")

@@ -1,6 +1,6 @@
 """Polygons in space: one plane for each planar one, and triangles for all, in input order."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ __all__ = ["CutPolygons", "areas_of_planes", "flatten_polygons", "polygon_planes
 
 _FEW_CORNERS = 256  # `_loops/cell_planes.py` leaves larger polygons to this file
 _MAX_PASSES = 32
+_MOST_CORNERS = 1 << 17  # of a block
 
 
 class CutPolygons(NamedTuple):
@@ -50,7 +51,7 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
 def polygon_planes(
     points: NDArray[np.float64], flat: NDArray[np.int64], sizes: NDArray[np.int64], rtol: float
 ) -> CutPolygons:
-    """Group polygons by size, so that everything but ear clipping is whole-array work."""
+    """Group polygons by size, so that everything but ear clipping is work on whole blocks."""
     exponent = scale_exponent(points)
     points = np.ldexp(points, -exponent)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
@@ -59,8 +60,8 @@ def polygon_planes(
     planar = np.ones(len(sizes), dtype=bool)
     corners = np.empty((len(sizes), 3), dtype=np.int64)
     areas = np.empty(len(sizes), dtype=np.float64)
-    for size in np.unique(sizes):
-        ids = np.flatnonzero(sizes == size)
+    for ids in _blocks_of_one_size(sizes):
+        size = int(sizes[ids[0]])
         loops = flat[starts[ids, None] + np.arange(size)]
         local = points[loops] - points[loops[:, :1]]
         newell = 0.5 * np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
@@ -85,6 +86,15 @@ def polygon_planes(
     plane_corners[~whole], plane_areas[~whole] = cut, unscaled(triangle_areas(points, cut), 2 * exponent)
     nonplanar = np.flatnonzero(~planar)
     return CutPolygons(triangles, facet_ids, plane_corners, plane_facets, plane_areas, nonplanar)
+
+
+def _blocks_of_one_size(sizes: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """Polygons with equally many corners, in blocks of bounded memory."""
+    for size in np.unique(sizes):
+        ids = np.flatnonzero(sizes == size)
+        step = max(1, _MOST_CORNERS // int(size))
+        for start in range(0, len(ids), step):
+            yield ids[start : start + step]
 
 
 def _planes(
