@@ -68,7 +68,7 @@ def as_mesh(mesh: MeshLike, *, facets: ArrayLike | None = None, planarity_rtol: 
     Open3D, trimesh, ``.stl`` and the formats read by PyMeshLab know triangles only. ``.wrl`` coordinates
     are rounded to float32 by PyMeshLab, and ``.gltf``, ``.glb`` and binary ``.stl`` hold float32.
     Point and line cells are passed over; facet ids count the polygons only.
-    A million triangles take well under a second from binary ``.ply``, a few seconds from text.
+    Files are read in stretches and never held whole: a million triangles take about a second, from text, too.
 
     Examples
     --------
