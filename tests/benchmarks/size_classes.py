@@ -217,6 +217,7 @@ def main():
     parser.add_argument("--cgal", type=Path, help="root folder of CGAL's headers; `/` where they are installed")
     parser.add_argument("--cgal-most", type=int, default=12_000, help="facets of the largest mesh that CGAL is asked")
     parser.add_argument("--before", type=Path, help="another version of this package")
+    parser.add_argument("--own", action="store_true", help="versions of this package only")
     parser.add_argument("--large", action="store_true", help="the large shapes and no others")
     parser.add_argument("--most", type=int, default=10**9, help="facets of the largest mesh")
     parser.add_argument("--rounds", type=int, default=4)
@@ -228,9 +229,10 @@ def main():
             rivals["before"] = Version(args.before.resolve(), work)
         if args.cgal:
             rivals["CGAL"] = Cgal(args.cgal, work)
-        else:
+        elif not args.own:
             print("CGAL is not at hand (--cgal): compared with SciPy only")
-        rivals["SciPy"] = Scipy()
+        if not args.own:
+            rivals["SciPy"] = Scipy()
         rows = []
         chosen = meshes(large() if args.large else {**data_meshes(), **formulas()})
         for name, mesh in ((n, m) for n, m in chosen.items() if len(m.faces) <= args.most):
@@ -259,7 +261,8 @@ def main():
             print(f"| {name} | {len(mesh.faces)} | {rows[-1]['faces']} | {' | '.join(cells)} |", flush=True)
     peers = [name for name in rivals if name not in ("this", "before")]
     print()
-    print_classes(rows, peers, [name for name in ("this", "before") if name in rivals])
+    if peers:
+        print_classes(rows, peers, [name for name in ("this", "before") if name in rivals])
 
 
 if __name__ == "__main__":
