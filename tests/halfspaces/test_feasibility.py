@@ -173,3 +173,34 @@ def test_highs_agrees_on_random_planes(rng):
             assert abs(answer.x[3]) > 1e-6  # HiGHS stops at 1e-7
             found = find_feasibility(HalfSpaces.from_planes(normals, offsets))
             assert found.dimension == (3 if answer.x[3] > 0 else -1)
+
+
+def planes_without_common_point(n, rng):
+    """Integer normals of which a positive combination vanishes, and no other; offsets below what it allows."""
+    while True:
+        normals = rng.integers(-9, 10, (n, 3))
+        if n == 3:
+            normals[:, 2] = normals[:, 0] - normals[:, 1]  # all across one direction
+        weights = rng.integers(1, 9, n)
+        normals[-1] = -(weights[:-1] @ normals[:-1])
+        normals[:-1] *= weights[-1]
+        if np.linalg.matrix_rank(normals) == n - 1:
+            break
+    offsets = rng.integers(-9, 10, n)
+    offsets[-1] = -abs(weights[:-1] @ offsets[:-1]) - 1
+    return [tuple(map(int, (*row, d))) for row, d in zip(normals, offsets, strict=True)]
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_multipliers_by_cofactors_are_those_of_the_linear_program(n, rng):
+    from voxkernel.halfspaces.rational_program import as_integers, deepest_rational_point
+    from voxkernel.halfspaces.witness import _cofactors
+
+    for _ in range(20):
+        planes = planes_without_common_point(n, rng)
+        optimum = deepest_rational_point([(p[:3], Fraction(p[3])) for p in planes], 3, unit=Fraction(64))
+        found = _cofactors(planes)
+        assert optimum.clearance < 0
+        assert found == tuple(as_integers([optimum.multipliers[i] for i in sorted(optimum.multipliers)]))
+        assert not any(sum(m * p[k] for m, p in zip(found, planes, strict=True)) for k in range(3))
+        assert _cofactors([(a, b, c, d + 10**6) for a, b, c, d in planes]) is None

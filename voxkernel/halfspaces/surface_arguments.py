@@ -118,7 +118,7 @@ def surface_argument(surface: SurfaceLike, facets: Any = None, *, threads: int =
     `facets` are facets of a mesh, rows of half-spaces: ids in any order, or a mask; the order stays that of the input.
     """
     if not isinstance(surface, HalfSpaces):
-        mesh = as_mesh(surface, facets=facets)
+        mesh = surface if isinstance(surface, TriangleMesh) and facets is None else as_mesh(surface, facets=facets)
         return SurfaceArgument(HalfSpaces.from_mesh(mesh, threads=threads), mesh)
     if facets is None:
         return SurfaceArgument(surface, None)

@@ -43,24 +43,47 @@ def empty_witness(halfspaces: HalfSpaces, ids: NDArray[np.int64]) -> Witness | N
 
 
 def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | None:
-    """Multipliers of four planes in general position that have no common point; None for any other."""
-    if len(planes) != 4:
-        return None
-    signed: list[int] = []
-    for skip in range(4):
-        a, b, c = (p for i, p in enumerate(planes) if i != skip)
-        determinant = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            - a[1] * (b[0] * c[2] - b[2] * c[0])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
-        signed.append(-determinant if skip % 2 else determinant)
+    """Multipliers of two to four planes that have no common point, and no fewer of them; None for any other."""
+    signed = _balance(planes)
     if all(v < 0 for v in signed):
         signed = [-v for v in signed]
-    if not all(v > 0 for v in signed) or sum(m * p[3] for m, p in zip(signed, planes, strict=True)) >= 0:
+    if not signed or not all(v > 0 for v in signed):
+        return None
+    if sum(m * p[3] for m, p in zip(signed, planes, strict=True)) >= 0:
         return None
     divisor = gcd(*signed)
     return tuple(v // divisor for v in signed)
+
+
+def _balance(planes: list[tuple[int, int, int, int]]) -> list[int]:
+    """The one combination, up to a factor, of normals that vanishes; empty where there is none, or more than one."""
+    if len(planes) == 4:
+        return [
+            (-1) ** skip * _determinant(*(p for i, p in enumerate(planes) if i != skip)) for skip in range(4)
+        ]
+    if len(planes) == 3:
+        a, b, c = planes
+        if _determinant(a, b, c) != 0:
+            return []
+        for axis in range(3):
+            shares = [_minor(b, c, axis), _minor(c, a, axis), _minor(a, b, axis)]
+            if all(shares):
+                return shares
+    if len(planes) == 2:
+        a, b = planes
+        if not any(_minor(a, b, axis) for axis in range(3)):
+            return next([-b[k], a[k]] for k in range(3) if a[k] or b[k])
+    return []
+
+
+def _minor(a: tuple[int, ...], b: tuple[int, ...], axis: int) -> int:
+    """A coordinate of the cross product of two normals."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    return a[i] * b[j] - a[j] * b[i]
+
+
+def _determinant(a: tuple[int, ...], b: tuple[int, ...], c: tuple[int, ...]) -> int:
+    return sum(a[axis] * _minor(b, c, axis) for axis in range(3))
 
 
 def witness_of(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:
