@@ -21,7 +21,7 @@ import voxkernel
 from voxkernel.demo_shapes import torus
 
 SIZES = {"torus 1.5k": (48, 16), "torus 31k": (160, 96), "torus 102k": (320, 160)}
-CONVEX = ("common3d_spot", "gc_bob_small", "letter S", "linked tori")
+CONVEX = ("letter S", "gc_bob_small", "linked tori", "common3d_spot")
 
 
 def half_of(name):
@@ -77,10 +77,11 @@ def convex_rows(done):
     import coacd
 
     coacd.set_log_level("error")
-    for _, name, make in [*models(), *shapes_by_formula()]:
-        if name not in CONVEX or ("convex pieces", name) in done:
+    makers = {name: make for _, name, make in [*models(), *shapes_by_formula()]}
+    for name in CONVEX:
+        if name not in makers or ("convex pieces", name) in done:
             continue
-        mesh = make()
+        mesh = makers[name]()
         begin = time.process_time()
         parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))
         yield {"group": "convex pieces", "name": name, "facets": len(mesh.faces), "pieces": len(parts),

@@ -100,16 +100,16 @@ def two_balls():
 def test_cells_beside_a_twin_and_two_balls_that_do_not_see_each_other(rng):
     distances, low, step = two_balls()
     slack = 1e-9
-    normals = rng.normal(size=(60, 3))
+    normals = rng.normal(size=(40, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    side = np.where(np.arange(60) % 2, 1.5, -1.5)
-    spots = normals + np.column_stack([side, np.zeros(60), np.zeros(60)])
-    centers = np.concatenate([rng.normal((x, 0, 0), 0.5, (20, 3)) for x in (-1.5, 1.5)])
+    side = np.where(np.arange(40) % 2, 1.5, -1.5)
+    spots = normals + np.column_stack([side, np.zeros(40), np.zeros(40)])
+    centers = np.concatenate([rng.normal((x, 0, 0), 0.5, (12, 3)) for x in (-1.5, 1.5)])
     centers = np.concatenate([centers, [[9.0, 0.0, 0.0]]])  # far outside of the grid, where nothing is known
     halves = rng.uniform(0.02, 0.3, len(centers))
     parents = np.where(np.arange(len(centers)) % 3 == 0, 0, -1)
-    before = rng.random((1, 60)) < 0.7
-    found = np.ones((len(centers), 60), bool)
+    before = rng.random((1, 40)) < 0.7
+    found = np.ones((len(centers), 40), bool)
     cells_may_see(
         distances, low, step, np.ascontiguousarray(centers), halves, parents, before.reshape(-1),
         np.ascontiguousarray(spots), np.ascontiguousarray(normals), slack, found.reshape(-1),
@@ -118,7 +118,7 @@ def test_cells_beside_a_twin_and_two_balls_that_do_not_see_each_other(rng):
         expected = [
             bool(before[0, j] or parents[i] < 0)
             and may_see(distances, low, step, center, halves[i], spots[j], normals[j], slack)
-            for j in range(60)
+            for j in range(40)
         ]
         assert found[i].tolist() == expected
     small = halves < 0.1
