@@ -12,7 +12,8 @@ from voxkernel.labels.ray_sets import golden_rays, outward_faces
 
 sys.path.append(str(Path(__file__).parents[2] / "datasets_tools"))
 COUNTS = {("ball", 20): 40, ("ellipsoid", 20): 40, ("bean", 20): 20, ("c", 20): 10, ("dumbbell", 20): 10,
-          ("shell", 20): 5, ("ball", 40): 20, ("ellipsoid", 40): 20, ("bean", 40): 5, ("c", 40): 2, ("dumbbell", 40): 2}  # fmt: skip
+          ("shell", 20): 5, ("ball", 40): 20, ("ellipsoid", 40): 20, ("bean", 40): 5, ("c", 40): 2,
+          ("dumbbell", 40): 2}  # fmt: skip
 
 
 @pytest.mark.parametrize(("family", "size"), list(COUNTS))
