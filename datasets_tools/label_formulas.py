@@ -91,9 +91,66 @@ def shell(_: np.random.Generator) -> Solid:
     return Solid(inside, 4 / 3 * pi * (0.9**3 - 0.45**3), False, holes=1)
 
 
+def torus(rng: np.random.Generator) -> Solid:
+    """A closed ring: a tunnel, which is no hole."""
+    thick = rng.uniform(0.18, 0.28)
+
+    def inside(p: Points) -> Any:
+        return (np.hypot(p[..., 0], p[..., 1]) - 0.66) ** 2 + p[..., 2] ** 2 <= thick**2
+
+    return Solid(inside, 2 * pi * 0.66 * pi * thick**2, False, parameters={"thick": thick})
+
+
+def starfish(rng: np.random.Generator) -> Solid:
+    """A slab whose outline has five arms; seen from its centre."""
+    arm = rng.uniform(0.15, 0.3)
+
+    def inside(p: Points) -> Any:
+        outline = 0.55 + arm * np.cos(5 * np.arctan2(p[..., 1], p[..., 0]))
+        return (np.hypot(p[..., 0], p[..., 1]) <= outline) & (np.abs(p[..., 2]) <= 0.3)
+
+    return Solid(inside, 0.6 * pi * (0.55**2 + arm**2 / 2), True, parameters={"arm": arm})
+
+
+def l_shape(rng: np.random.Generator) -> Solid:
+    """Two bars of square section that meet at a right angle; seen from where they meet."""
+    wide = rng.uniform(0.3, 0.5)
+
+    def inside(p: Points) -> Any:
+        x, y = p[..., 0] + 0.6, p[..., 1] + 0.6
+        corner = (np.minimum(x, y) >= 0) & (np.maximum(x, y) <= 1.2) & (np.minimum(x, y) <= wide)
+        return corner & (np.abs(p[..., 2]) <= wide / 2)
+
+    return Solid(inside, (2.4 * wide - wide**2) * wide, True, parameters={"wide": wide})
+
+
+def spiral(rng: np.random.Generator) -> Solid:
+    """A tube around one and a half turns of a helix."""
+    thick = rng.uniform(0.16, 0.2)
+    turn = np.linspace(-1.5 * pi, 1.5 * pi, 400)
+    path = np.stack([0.6 * np.cos(turn), 0.6 * np.sin(turn), turn / pi * 0.4], axis=1)
+
+    def inside(p: Points) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(path).query(p.reshape(-1, 3))[0].reshape(p.shape[:-1]) <= thick
+
+    return Solid(inside, None, False, parameters={"thick": thick})
+
+
+def sheet(rng: np.random.Generator) -> Solid:
+    """A thin square plate."""
+    thick = rng.uniform(0.1, 0.2)
+
+    def inside(p: Points) -> Any:
+        return (np.abs(p[..., :2]).max(-1) <= 0.6) & (np.abs(p[..., 2]) <= thick / 2)
+
+    return Solid(inside, 1.2**2 * thick, True, parameters={"thick": thick})
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], Solid]] = {
     "ball": ball, "ellipsoid": ellipsoid, "bean": bean, "dumbbell": dumbbell, "c": c_shape, "fragments": fragments,
-    "shell": shell,
+    "shell": shell, "torus": torus, "starfish": starfish, "l": l_shape, "spiral": spiral, "sheet": sheet,
 }  # fmt: skip
 
 

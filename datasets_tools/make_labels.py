@@ -5,7 +5,8 @@ FOLDER gets one file per family and size, FAMILY-SIZE.npz (read by `voxkernel la
 random poses one behind the other, and manifest.csv with a row per object:
   file, object     the image and the object's number in it
   family, size     which formula, and the edge of its cube in voxels
-  is_star_shaped   yes or no: whether a point of the solid sees it whole; empty where it is not known
+  is_star_shaped   yes or no: whether a point of the solid sees it whole; empty where it is not known. Its voxels see a
+                   little less along flat sides that become stairs, and much less in thin plates (l, starfish, sheet)
   fragments, holes of the solid; thin walls and gaps of small sizes may close or open in voxels
   volume           of the solid in voxels, empty where it is not known
   seed, parameters
@@ -63,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     """Parse the arguments and write the images."""
     parser = tool.parser(__doc__ or "", EXAMPLES)
     parser.add_argument("folder", metavar="FOLDER", help="made if it is not there; its parent must be")
-    parser.add_argument("--families", metavar="A,B,...", help="ball, ellipsoid, bean, dumbbell, c, fragments, shell")
+    parser.add_argument("--families", metavar="A,B,...", help="some of those of label_formulas.py; all by default")
     parser.add_argument("--sizes", metavar="N,M,...", default=SIZES, help=f"edges in voxels, 4 to 256; {SIZES}")
     parser.add_argument("--count", type=tool.positive, default=10, help="objects per family and size (default 10)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers, >= 0 (default 0)")

@@ -254,3 +254,4 @@ def test_twenty_gigabytes_and_a_hundred_thousand_objects(tmp_path):
     assert (stars.voxels == counts).all()
     assert (stars.visible == 1).all()
     print("memory grown by", grown / 1e3, "MB")
+    assert grown < 200e3  # KB; a crop is 729 bytes

@@ -44,11 +44,14 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import EvaluateSettings, evaluate
     from voxkernel.evaluation.inputs import BadInput
+    from voxkernel.labels import check_target
     from voxkernel.report import write_report
 
     if args.map is not None and len(args.images) != 1:
         raise UsageError(f"--map must be given with one image; got {len(args.images)}")
     try:
+        if args.map is not None:
+            check_target(args.map)
         settings = EvaluateSettings(
             **label_options(args), label_images=True, thumbnails=not args.no_pictures, workers=args.workers,
             timeout=args.timeout or None, csv=args.csv,

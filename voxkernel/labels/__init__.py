@@ -7,13 +7,14 @@ from voxkernel.labels.label_table import LabelStars
 from voxkernel.labels.objects import LabelObjects, find_objects
 from voxkernel.labels.painting import paint_labels
 from voxkernel.labels.star_polyhedra import StarKernels, star_polyhedra_kernels
-from voxkernel.labels.write_labels import write_labels
+from voxkernel.labels.write_labels import check_target, write_labels
 
 __all__ = [
     "LabelImage",
     "LabelObjects",
     "LabelStars",
     "StarKernels",
+    "check_target",
     "find_objects",
     "is_label_file",
     "label_stars",

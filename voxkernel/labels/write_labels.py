@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from voxkernel._extras import optional
 from voxkernel._output_file import whole_file
 from voxkernel.labels.label_image import as_spacing
 
-__all__ = ["write_labels"]
+__all__ = ["check_target", "write_labels"]
+
+_SUFFIXES = (".tif", ".tiff", ".nii", ".nii.gz", ".npz")
 
 
 def write_labels(path: str | os.PathLike[str], values: NDArray[Any], *, spacing: Sequence[float]) -> None:
@@ -43,7 +46,7 @@ def write_labels(path: str | os.PathLike[str], values: NDArray[Any], *, spacing:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_labels(folder + "/map.npz", np.ones((3, 4)), spacing=(2, 1))
     """
-    target = as_path("path", path)
+    target = check_target(path)
     array = np.asarray(values)
     if array.ndim not in (2, 3):
         raise ValueError(f"`values` must have 2 or 3 axes; got {array.ndim}")
@@ -55,11 +58,19 @@ def write_labels(path: str | os.PathLike[str], values: NDArray[Any], *, spacing:
         _write_tiff(target, array, steps)
     elif name.endswith((".nii", ".nii.gz")):
         _write_nifti(target, array, steps)
-    elif name.endswith(".npz"):
+    else:
         with whole_file(target) as stream:
             np.savez_compressed(stream, labels=array, spacing=np.array(steps))
-    else:
-        raise ValueError(f"`path` must end in .tif, .tiff, .nii, .nii.gz or .npz; got '{target}'")
+
+
+def check_target(path: str | os.PathLike[str]) -> Path:
+    """Refuse a name that `write_labels` cannot write, before anything is computed for it."""
+    target = as_path("path", path)
+    if not target.name.lower().endswith(_SUFFIXES):
+        raise ValueError(f"`path` must end in {', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}; got '{target}'")
+    if not target.absolute().parent.is_dir():
+        raise ValueError(f"`path` must be in an existing folder; got '{target}'")
+    return target
 
 
 def _write_tiff(target: Any, array: NDArray[Any], spacing: tuple[float, ...]) -> None:
