@@ -9,6 +9,7 @@ import pkgutil
 import re
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
+from html.parser import HTMLParser
 from multiprocessing import get_context
 from types import MappingProxyType
 
@@ -281,3 +282,57 @@ def test_metadata_cannot_be_changed(tmp_path):
     for mapping in (labelled.metadata, labelled.to_mask().metadata, file.metadata, file[0].metadata, file.entries[0]):
         with pytest.raises(TypeError, match="does not support item assignment"):
             mapping["alpha"] = 1.0
+
+
+class _Cells(HTMLParser):
+    """Text of the cells of a table, row by row; whatever is no part of a table is an error."""
+
+    def __init__(self):
+        super().__init__()
+        self.rows, self.tags = [], set()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        if tag == "tr":
+            self.rows.append([])
+
+    def handle_data(self, data):
+        if self.rows:
+            self.rows[-1].append(data)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_notebooks_show_a_small_table(name, tmp_path):
+    thing = REAL[name](tmp_path)
+    text = thing._repr_html_()
+    assert len(text) < 6000
+    table = _Cells()
+    table.feed(text)
+    assert table.tags <= {"table", "caption", "b", "tbody", "tr", "th", "td"}
+    shown = [f.name.replace("_", " ") for f in dataclasses.fields(thing) if f.repr and f.name[0] != "_"]
+    names = [row[0] for row in table.rows]
+    assert names == [word for word in shown if word in names]  # in order; what holds nothing is left out
+    assert len(names) >= 2
+    assert all(row[1] for row in table.rows)
+    assert f"<b>{name}</b>" in text
+
+
+def test_a_notebook_shows_the_answer_and_its_proof():
+    table = _Cells()
+    table.feed(voxkernel.starshapeness(shapes.torus(n_major=8, n_minor=6))._repr_html_())
+    rows = dict(table.rows)
+    assert (rows["verdict"], rows["ratio"], rows["is closed"]) == ("not star-shaped", "0", "yes")
+    assert rows["reason"].startswith("no point is on the inner side of facets ")
+    assert rows["certificate"].startswith("Certificate(kind='empty', facet_ids=(")
+    assert len(rows["star center"].split(", ")) == 3
+    assert "center" not in rows  # there is none
+
+
+def test_what_a_notebook_shows_is_no_markup():
+    mesh = voxkernel.TriangleMesh.from_triangles(*CUBE, source="<script>alert(1)</script>")
+    assert "<script>" not in mesh._repr_html_()
+    assert "&lt;script&gt;" in mesh._repr_html_()
+
+
+def test_what_a_notebook_shows_of_a_large_mesh_is_small():
+    assert len(voxkernel.as_mesh(shapes.icosphere(5))._repr_html_()) < 6000

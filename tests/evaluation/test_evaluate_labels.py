@@ -75,7 +75,7 @@ def test_a_report_counts_objects_apart(run, tmp_path):
     page = (tmp_path / "page.html").read_text()
     for words in (
         "2 of 5 objects of label images are seen whole", "Why objects fall short", "The worst objects",
-        "Overlap against rays", "Some point sees the whole surface of 1 of the 1 others",
+        "Overlap against rays", "Some point sees the whole surface of 1 of the 1 surfaces",
     ):  # fmt: skip
         assert words in page
     assert write_report(tmp_path / "page.md", folder / "run")["objects"] == objects

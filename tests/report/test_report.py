@@ -228,11 +228,40 @@ def test_cells_of_polyhedral_meshes(run, rng, tmp_path):
     assert (summary["n_rows"], summary["n_cells"], summary["n_files"]) == (51, 50, 2)
     assert summary["scores"]["volume_share"]["n"] == summary["scores"]["inradius_over_diameter"]["n"] == 50
     page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert "51 rows from 2 files, 50 of them cells" in page.text
+    assert "51 rows from 2 files. Some point sees the whole surface of 1 of the 1 surfaces that could be" in page.text
+    assert "50 of the 50 cells of 1 volume mesh are star-shaped (100 %)." in page.text
     assert page.text.count("Inradius / diameter") == 1
     assert shape_name({"file": "mesh.vtu", "cell": 7}) == "mesh.vtu cell 7"
     write_report(tmp_path / "r.md", run)
     assert re.search(r"`mesh.vtu` cell \d+ \|", (tmp_path / "r.md").read_text())
+
+
+def test_kinds_are_never_mixed(run, rng, tmp_path):
+    """A thousand cells with a kernel must not hide that 9 of 10 surfaces have none."""
+    made = [cell_row("good.vtu", k, rng) for k in range(900)]
+    made += [cell_row("bad.vtu", k, rng, verdict="not star-shaped", ratio=0.0, volume_share=0.0) for k in range(100)]
+    made += [surface_row(f"{k}.ply", rng, kind="not star-shaped" if k else "star-shaped") for k in range(10)]
+    write_run(run, made, parts=3)
+    summary = write_report(tmp_path / "r.html", run)
+    assert {kind: own["n"] for kind, own in summary["kinds"].items()} == {"surface": 10, "cell": 1000}
+    assert summary["kinds"]["surface"]["counts"]["not star-shaped"] == 9
+    assert [summary["scores"][name]["n"] for name in ("ratio", "defect", "volume_share")] == [10, 10, 1000]
+    assert {(pair["a"], pair["b"]) for pair in summary["spearman"]} == {
+        ("ratio", "defect"), ("ratio", "visible"), ("defect", "visible"), ("volume_share", "inradius_over_diameter")
+    }  # fmt: skip
+    assert all(row["cell"] is None for row in summary["worst"])
+    assert {row["file"] for row in summary["worst_cells"]} == {"bad.vtu"}
+    bad, good = summary["volume_meshes"]
+    assert (bad["file"], bad["n"], bad["counts"]["not star-shaped"], bad["smallest_share"]) == ("bad.vtu", 100, 100, 0)
+    assert (good["file"], good["n"], good["counts"]["star-shaped"]) == ("good.vtu", 900, 900)
+    page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert "Some point sees the whole surface of 1 of the 10 surfaces that could be evaluated (10 %)." in page.text
+    assert "900 of the 1,000 cells of 2 volume meshes are star-shaped (90 %)." in page.text
+    assert "99" not in re.search(r"1,010 rows.*?No row failed", page.text)[0]
+    write_report(tmp_path / "r.md", run)
+    text = (tmp_path / "r.md").read_text()
+    assert "| surfaces | 10 | 1 (10 %) | 0 (0 %) | 9 (90 %) | 0 (0 %) |" in text
+    assert "| cells | 1,000 | 900 (90 %) | 0 (0 %) | 100 (10 %) | 0 (0 %) |" in text
 
 
 def test_unverified_proofs_are_said_aloud(run, rng, tmp_path):
@@ -314,7 +343,7 @@ def test_many_labels_are_bounded(run, rng, tmp_path):
 def test_histograms_hold_every_row(run, rng):
     large_run(run, 500, rng)
     rows = load_rows(str(run))
-    for chart in charts.score_charts(rows):
+    for chart in charts.score_charts(rows, SCORES):
         assert sum(int(s["title"].split(": ")[1].split()[0].replace(",", "")) for s in chart.shapes) == 495
         assert all(chart.left <= s["x"] and s["x"] + s["w"] <= chart.right + 1 for s in chart.shapes)
         assert all(chart.top - 1 <= s["y"] and s["y"] + s["h"] <= chart.bottom + 1 for s in chart.shapes)

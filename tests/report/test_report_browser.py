@@ -6,7 +6,7 @@ import shutil
 import label_shapes
 import numpy as np
 import pytest
-from report_runs import HOSTILE, cell_row, large_run, write_run
+from report_runs import HOSTILE, add_view, cell_row, large_run, surface_row, write_run
 
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.report import write_report
@@ -320,3 +320,69 @@ def test_objects_of_label_images_are_found_by_number_and_reason(opened, tmp_path
     assert page.inner_text("#shape-name").endswith("three.npz object 3")
     overlaps = page.evaluate("[...document.querySelectorAll('#facts dd')].map((dd) => dd.textContent)")
     assert not any(len(item) > 9 for text in overlaps for item in text.split(", ") if item.startswith("0."))
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    """Twelve surfaces, two of them with a view, and fifty cells of two volume meshes."""
+    folder, rng = tmp_path_factory.mktemp("mixed"), np.random.default_rng(20261127)
+    rows = [surface_row(f"{k}.ply", rng, kind="not star-shaped" if k % 2 else "star-shaped") for k in range(12)]
+    rows[3] |= {"violation_upper": 0.000123456789, "visible_fraction": 0.99987654321}
+    for row in rows[:2]:
+        add_view(folder / "run", row)
+    rows += [cell_row(f"m{k % 2}.vtu", k, rng) for k in range(50)]
+    write_run(folder / "run", rows)
+    write_report(folder / "report.html", folder / "run")
+    return folder / "report.html", load_rows(str(folder / "run"))
+
+
+def test_numbers_are_compared_by_column(opened, mixed):
+    path, rows = mixed
+    page = opened(path)
+    surfaces = rows.only("surface")
+    assert page.locator("#count").inner_text() == "12 of 62 rows"
+    for words, n in (
+        ("ratio<0.2", int((surfaces.numbers["ratio"] < 0.2).sum())),
+        ("defect > 0.02", int((surfaces.numbers["violation_upper"] > 0.02).sum())),
+        ("ratio<=0 .ply", int((surfaces.numbers["ratio"] <= 0).sum())),
+        ("facets=5000 ratio>0", int((surfaces.numbers["ratio"] > 0).sum())),
+    ):
+        page.fill("#search", words)
+        assert page.locator("#count").inner_text() == f"{n} of 62 rows"
+    page.fill("#search", "colour<3")
+    assert page.locator("#count").inner_text() == "12 of 62 rows; no column of numbers is called colour"
+
+
+def test_numbers_are_never_cut(opened, mixed):
+    page = opened(mixed[0])
+    page.evaluate("document.getElementById('kind').value = ''")
+    page.locator("#kind").dispatch_event("change")
+    cut = "[...document.querySelectorAll('#body td.n div')].filter((d) => d.scrollWidth > d.clientWidth).length"
+    assert page.evaluate(cut) == 0
+
+
+def test_cells_are_behind_their_volume_mesh(opened, mixed):
+    page = opened(mixed[0])
+    rows = page.locator("#cells tbody tr")
+    assert rows.count() - 2 == page.locator("#cells .ranks tbody tr").count()
+    page.locator('[data-cells="m1.vtu"]').click()
+    assert page.locator("#count").inner_text() == "25 of 62 rows"
+    assert {name.split(" cell")[0] for name in column(page, "File")} == {"m1.vtu"}
+    page.locator("#clear").click()
+    assert page.locator("#count").inner_text() == "62 of 62 rows"
+
+
+def test_a_relaxed_kernel_has_another_colour(opened, mixed):
+    page = opened(mixed[0])
+    found = {}
+    for name, hidden in (("0.ply", True), ("1.ply", False)):
+        page.locator(f'[aria-label="3D view of {name}"]').first.click()
+        assert page.locator("#relaxed").is_hidden() == hidden
+        page.locator("#opacity").fill("0")  # what is seen through the surface has its colour, too
+        image = settled(page)
+        saturated = image[np.ptp(image, axis=2) > 70]
+        found[name] = np.median(saturated, axis=0)
+        page.locator("#close").click()
+    orange, purple = found["0.ply"], found["1.ply"]
+    assert orange[0] > orange[1] > orange[2]
+    assert purple[2] > purple[1]

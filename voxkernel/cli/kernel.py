@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
     parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz, .vdb, .vtu, .vtp or .glb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
+    parser.add_argument("--up", type=_direction, metavar="X,Y,Z", help="what points up in the picture")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)"
@@ -114,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
                 from voxkernel.exact import exact_kernel
 
                 shown = exact_kernel(mesh, domain=args.domain)
-            surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name))
+            surface_picture(picture, mesh, shown, title=display(Path(args.mesh).name), up=args.up)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)
@@ -198,6 +199,16 @@ def _write_polygons(path: Path, kernel: KernelPolytope) -> None:
     sizes = np.array([len(face) for face in kernel.faces], dtype=np.int64)
     flat = np.concatenate([np.zeros(0, np.int64), *kernel.faces])
     write_polygons(path, kernel.vertices, flat, sizes, cell_data={"input_facet": kernel.face_facets})
+
+
+def _direction(text: str) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not any(values) or not all(abs(v) < float("inf") for v in values):
+        raise argparse.ArgumentTypeError(f"must be three numbers X,Y,Z, not all 0; got {text}")
+    return values
 
 
 def _depth(text: str) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel.pictures.parts import save_page
-from voxkernel.pictures.scene import KERNEL, LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene
 
 __all__ = ["Plate", "write_html"]
 
@@ -95,18 +95,18 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
     if len(scene.surface_lines):
         traces.append(_lines(go, scene.surface_lines, LINE, 2))
     if len(scene.kernel_faces):
-        traces.append(
-            _mesh(go, scene.kernel_vertices, scene.kernel_faces, "kernel", KERNEL, flatshading=True, **solid)
-        )
+        look = scene.kernel_name, scene.kernel_color
+        traces.append(_mesh(go, scene.kernel_vertices, scene.kernel_faces, *look, flatshading=True, **solid))
         if 0 < len(scene.kernel_lines) <= 4000:
-            traces.append(_lines(go, scene.kernel_lines, "#7a3300", 2))
+            traces.append(_lines(go, scene.kernel_lines, scene.kernel_line_color, 2))
     elif len(scene.kernel_lines):
-        traces.append(_lines(go, scene.kernel_lines, KERNEL, 8, name="kernel"))
+        traces.append(_lines(go, scene.kernel_lines, scene.kernel_color, 8, name=scene.kernel_name))
     small = has_kernel and float(np.linalg.norm(np.ptp(scene.kernel_vertices, axis=0))) < 0.03 * scene.diagonal
     if small:
         x, y, z = scene.kernel_vertices.mean(axis=0)[:, None].tolist()
-        marker = {"size": 7, "color": KERNEL, "symbol": "circle-open", "line": {"width": 2}}
-        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name="kernel (here)", showlegend=True))
+        marker = {"size": 7, "color": scene.kernel_color, "symbol": "circle-open", "line": {"width": 2}}
+        name = f"{scene.kernel_name} (here)"
+        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
     if len(scene.witness_faces):
         traces += _witness(go, scene)
     return traces

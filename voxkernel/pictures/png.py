@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.pictures.scene import KERNEL, LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.furniture import add_furniture
+from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene
 
 __all__ = ["write_png"]
 
@@ -28,6 +29,7 @@ _LIGHTS = (
 class _View(NamedTuple):
     image: NDArray[np.uint8]
     kernel_at: NDArray[np.float64] | None  # (2, 2): pixel box of the kernel, y down
+    units_per_pixel: float  # in the plane through the middle of what is shown
 
 
 def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple[int, int]) -> None:
@@ -35,18 +37,21 @@ def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple
     Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
     width, height = size
     unit = height / 1000.0
-    head = round(120 * unit) if title or caption else 0
-    view = _draw(scene, (width, height - head))
+    head, foot = round(120 * unit) if title or caption else 0, round(100 * unit)
+    room = (width, height - head - foot)
+    view = _draw(scene, room)
     page = Image.new("RGB", size, "white")
-    page.paste(_shrunk(view.image, (width, height - head)), (0, head))
+    page.paste(_shrunk(view.image, room), (0, head))
     pen = ImageDraw.Draw(page)
     if view.kernel_at is not None:
         low, high = view.kernel_at / _SUPERSAMPLE + np.array([0, head])
         if float((high - low).max()) < 0.07 * height:
-            _add_close_up(page, pen, scene, (low, high), unit)
-    left, room = round(36 * unit), width - round(72 * unit)
-    _write(pen, (left, round(24 * unit)), title, 40 * unit, _INK, room)
-    _write(pen, (left, round(76 * unit)), caption, 25 * unit, _PALE, room)
+            _add_close_up(page, pen, scene, (low, high), unit, height - foot)
+    left, across = round(36 * unit), width - round(72 * unit)
+    _write(pen, (left, round(24 * unit)), title, 40 * unit, _INK, across)
+    _write(pen, (left, round(76 * unit)), caption, 25 * unit, _PALE, across)
+    box = left, height - foot, left + across, height
+    add_furniture(pen, _write, scene, _axes(scene), view.units_per_pixel * _SUPERSAMPLE, box, unit)
     page.save(path, optimize=True)
 
 
@@ -63,7 +68,7 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
             _add_kernel(plotter, pyvista, scene, close_up)
             _add_witness(plotter, pyvista, scene)
             points = scene.kernel_vertices if close_up else scene.points
-            _aim(plotter, scene, points, pixels, margin=1.5 if close_up else 1.06)
+            scale = _aim(plotter, scene, points, pixels, margin=1.5 if close_up else 1.06)
             # Without these two lines depth peeling drops everything translucent where VTK renders in software.
             plotter.render_window.SetMultiSamples(0)
             plotter.render_window.AlphaBitPlanesOn()
@@ -72,7 +77,7 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
             at = _to_pixels(plotter, scene.kernel_vertices, pixels) if len(scene.kernel_vertices) else None
         finally:
             plotter.close()
-    return _View(image, None if at is None else np.array([at.min(axis=0), at.max(axis=0)]))
+    return _View(image, None if at is None else np.array([at.min(axis=0), at.max(axis=0)]), scale)
 
 
 def _light(plotter: Any, pyvista: Any) -> None:
@@ -103,7 +108,7 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
         return
     size = float(np.linalg.norm(np.ptp(points, axis=0))) if close_up and len(points) > 1 else scene.diagonal
     material: dict[str, Any] = {
-        "color": KERNEL, "ambient": 0.36, "diffuse": 0.78, "specular": 0.3, "specular_power": 20,
+        "color": scene.kernel_color, "ambient": 0.36, "diffuse": 0.78, "specular": 0.3, "specular_power": 20,
     }  # fmt: skip
     if len(scene.kernel_faces):
         data = pyvista.PolyData.from_regular_faces(points, scene.kernel_faces)
@@ -115,7 +120,7 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
     if 0 < len(scene.kernel_lines) <= 4000 and len(scene.kernel_faces):
         coarse = len(scene.kernel_lines) <= 150
         plotter.add_mesh(
-            _segments(pyvista, scene.kernel_lines), color="#7a3300", line_width=3.0 if coarse else 1.2,
+            _segments(pyvista, scene.kernel_lines), color=scene.kernel_line_color, line_width=3.0 if coarse else 1.2,
             opacity=0.9 if coarse else 0.35, lighting=False,
         )  # fmt: skip
 
@@ -142,11 +147,16 @@ def _segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
     return pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)), lines=cells)
 
 
-def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[int], *, margin: float) -> None:
-    """Fit the points into the picture."""
+def _axes(scene: Scene) -> NDArray[np.float64]:
+    """Right, up and towards the viewer, as rows."""
     right = np.cross(scene.up, scene.view)
     right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(scene.view, right), scene.view])
+    return np.stack([right, np.cross(scene.view, right), scene.view])
+
+
+def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[int], *, margin: float) -> float:
+    """Fit the points into the picture, and give the world units of a pixel in the plane through their middle."""
+    axes = _axes(scene)
     flat = points @ axes.T
     middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     flat -= middle
@@ -163,6 +173,7 @@ def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[i
     plotter.camera.position = center + distance * scene.view
     plotter.camera.up = scene.up
     plotter.reset_camera_clipping_range()
+    return 2.0 * slope * distance / pixels[1]
 
 
 def _to_pixels(plotter: Any, points: NDArray[np.float64], pixels: list[int]) -> NDArray[np.float64]:
@@ -173,10 +184,10 @@ def _to_pixels(plotter: Any, points: NDArray[np.float64], pixels: list[int]) -> 
     return np.column_stack([(x + 1.0) * pixels[0] / 2.0, (1.0 - y) * pixels[1] / 2.0])
 
 
-def _add_close_up(page: Any, pen: Any, scene: Scene, box: tuple[Any, Any], unit: float) -> None:
+def _add_close_up(page: Any, pen: Any, scene: Scene, box: tuple[Any, Any], unit: float, bottom: int) -> None:
     """Put a close-up of the kernel in the lower right corner, with a leader to where it is."""
     side, gap = round(300 * unit), round(30 * unit)
-    left, top = page.width - side - gap, page.height - side - gap
+    left, top = page.width - side - gap, bottom - side
     inset = _shrunk(_draw(scene, (side, side), close_up=True).image, (side, side))
     middle = (box[0] + box[1]) / 2.0
     radius = max(14.0 * unit, float((box[1] - box[0]).max()) * 0.75)

@@ -15,9 +15,11 @@ from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
 
-__all__ = ["KERNEL", "LINE", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
+__all__ = ["KERNEL", "LINE", "RELAXED", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
 
 SURFACE, KERNEL, WITNESS, LINE = "#7fb0e6", "#ff7a14", "#d3202f", "#2f4460"
+RELAXED = "#a34a9c"  # apart from the orange of exact kernels for every kind of colour vision
+_KERNEL_LINE, _RELAXED_LINE = "#7a3300", "#4b1b48"
 
 # Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
 _SHARP_DEG = 30.0
@@ -33,6 +35,7 @@ class Scene(Frozen):
 
     `kernel_lines` and `surface_lines` are (k, 2, 3) segments. `witness_faces` are surface triangles of
     the certificate of an empty kernel; from the centre of each, `witness_inward` points to its inner side.
+    `tolerance` is that of a relaxed kernel, 0 of an exact one: they never look alike.
     """
 
     vertices: NDArray[np.float64]
@@ -47,6 +50,22 @@ class Scene(Frozen):
     witness_inward: NDArray[np.float64]
     view: NDArray[np.float64]
     up: NDArray[np.float64]
+    tolerance: float = 0.0
+
+    @property
+    def kernel_color(self) -> str:
+        """Orange for an exact kernel, purple for a relaxed one."""
+        return RELAXED if self.tolerance else KERNEL
+
+    @property
+    def kernel_line_color(self) -> str:
+        """A dark shade of the same."""
+        return _RELAXED_LINE if self.tolerance else _KERNEL_LINE
+
+    @property
+    def kernel_name(self) -> str:
+        """What a legend calls it."""
+        return f"relaxed kernel, {_percent(self.tolerance)} of the area turned away" if self.tolerance else "kernel"
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -59,8 +78,8 @@ class Scene(Frozen):
         return float(np.linalg.norm(np.diff(bounds_of(used_vertices(self.vertices, self.faces)), axis=0)))
 
 
-def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
-    """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None."""
+def make_scene(mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | None = None) -> Scene:
+    """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None, `up` a unit vector or None."""
     corners = mesh.vertices[mesh.faces]
     normals = mesh.facet_normals
     lines, is_open = _feature_lines(mesh, normals)
@@ -70,13 +89,28 @@ def make_scene(mesh: TriangleMesh, kernel: Any) -> Scene:
         ids = [i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0]
         # One triangle stands for each facet: the arrow needs one place.
         witness = np.array([int(np.flatnonzero(mesh.facet_ids == i)[0]) for i in ids], np.int64)
-    view, up = _camera(mesh, doubled_normals(corners), points, is_open)
+    view, upward = _camera(mesh, doubled_normals(corners), points, is_open)
+    if up is not None:
+        view, upward = _upright(view, upward, up)
     # Programs that draw make room for every vertex they are given.
     return Scene(
         *without_strays(mesh.vertices, mesh.faces), lines, is_open, points, triangles, edges,
         np.flatnonzero(np.isin(mesh.facet_ids, mesh.facet_ids[witness])),
-        corners[witness].mean(axis=1), -normals[witness], view, up,
+        corners[witness].mean(axis=1), -normals[witness], view, upward, float(getattr(kernel, "tolerance", 0.0)),
     )  # fmt: skip
+
+
+def _upright(
+    view: NDArray[np.float64], upward: NDArray[np.float64], up: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same side of the surface, seen from a little above where `up` is up."""
+    level = view - (view @ up) * up
+    if np.linalg.norm(level) < 0.1:  # seen from above or below: from what was the lower rim then
+        level = -upward + (upward @ up) * up
+    towards = level / np.linalg.norm(level) + 0.35 * up
+    towards /= np.linalg.norm(towards)
+    above = up - (up @ towards) * towards
+    return towards, above / np.linalg.norm(above)
 
 
 def caption_of(mesh: TriangleMesh, kernel: Any) -> str:

@@ -6,6 +6,9 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from voxkernel._checks import as_path
 from voxkernel.mesh import MeshLike, as_mesh
 from voxkernel.pictures.interactive_html import Plate, write_html
@@ -25,6 +28,7 @@ def surface_picture(
     title: str = "",
     caption: str | None = None,
     size: tuple[int, int] = (1400, 1000),
+    up: ArrayLike | None = None,
 ) -> None:
     """Draw a surface, translucent, and its kernel, solid.
 
@@ -41,11 +45,13 @@ def surface_picture(
         Words above the picture; the caption says verdict, volume and ratio by default.
     size : (int, int)
         Width and height of a PNG, pixels, at least 200 each.
+    up : (3,) array_like, optional
+        The direction that points up in the picture; by default one that shows the surface well.
 
     Raises
     ------
     ValueError
-        If the suffix is neither, or `size` is too small.
+        If the suffix is neither, `size` is too small, or `up` is no direction.
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
     OSError
@@ -54,6 +60,8 @@ def surface_picture(
     Notes
     -----
     PNG needs PyVista and no display; HTML needs plotly. A kernel too small to be seen gets a close-up.
+    Below a PNG stand the axes, a scale bar in mesh units and what the colours mean: exact kernels are orange, relaxed
+    ones purple.
 
     Examples
     --------
@@ -70,11 +78,19 @@ def surface_picture(
         raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
     mesh = as_mesh(surface)
     words = caption_of(mesh, kernel) if caption is None else caption
-    scene = make_scene(mesh, kernel)
+    scene = make_scene(mesh, kernel, up=None if up is None else _direction(up))
     if kind == ".png":
         write_png(target, scene, title=title, caption=words, size=size)
     else:
         write_html(target, [Plate(scene, title, words)])
+
+
+def _direction(up: ArrayLike) -> NDArray[np.float64]:
+    found = np.asarray(up, dtype=np.float64)
+    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        raise ValueError(f"`up` must be a direction of three numbers; got {up}")
+    found = found / np.abs(found).max()
+    return found / np.linalg.norm(found)
 
 
 def interactive_page(path: str | os.PathLike[str], items: Sequence[tuple[str, Any, Any]]) -> None:

@@ -98,9 +98,9 @@ class Axis:
         return np.geomspace(self.low, self.high, decades * max(1, min(6, _BINS // decades)) + 1)
 
 
-def score_charts(rows: ReportRows) -> list[Chart]:
-    """Histograms of the scores of surfaces, and of the numbers of cells where there are any."""
-    return [histogram(rows, score) for score in ALL_SCORES if rows.has(score.column)]
+def score_charts(rows: ReportRows, scores: Sequence[Score]) -> list[Chart]:
+    """Histograms of the scores that rows of one kind have."""
+    return [histogram(rows, score) for score in scores if rows.has(score.column)]
 
 
 def histogram(rows: ReportRows, score: Score) -> Chart:

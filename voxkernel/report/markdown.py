@@ -16,7 +16,7 @@ _MOST_FILES = 20
 def render_markdown(summary: dict[str, Any], *, title: str) -> str:
     """Write summary, failures, labels and the worst rows; every name and reason as code."""
     parts = [f"## voxkernel report: {code_span(title)}", _counts(summary)]
-    for section in (_left_out, _failures, _proofs, _objects, _labels, _scores, _worst):
+    for section in (_left_out, _failures, _proofs, _objects, _labels, _scores, _worst, _worst_cells):
         text = section(summary)
         if text:
             parts.append(text)
@@ -25,9 +25,12 @@ def render_markdown(summary: dict[str, Any], *, title: str) -> str:
 
 
 def _counts(summary: dict[str, Any]) -> str:
-    counts, n = summary["counts"], summary["n_rows"]
-    cells = [f"{count(counts[name])} ({percent(counts[name], n)})" for name in OUTCOMES]
-    return _table(("rows", *OUTCOMES), [(count(n), *cells)], right=5)
+    kinds: dict[str, Any] = summary["kinds"] or {"surface": {"n": 0, "counts": summary["counts"]}}
+    body: list[tuple[str, ...]] = []
+    for kind, own in kinds.items():
+        shares = [f"{count(own['counts'][name])} ({percent(own['counts'][name], own['n'])})" for name in OUTCOMES]
+        body.append((*([f"{kind}s"] if len(kinds) > 1 else []), count(own["n"]), *shares))
+    return _table((*(["kind"] if len(kinds) > 1 else []), "rows", *OUTCOMES), body, right=5)
 
 
 def _left_out(summary: dict[str, Any]) -> str:
@@ -105,7 +108,14 @@ def _scores(summary: dict[str, Any]) -> str:
 
 
 def _worst(summary: dict[str, Any]) -> str:
-    worst = summary["worst"]
+    return _listed(summary["worst"], "least star-shaped")
+
+
+def _worst_cells(summary: dict[str, Any]) -> str:
+    return _listed(summary["worst_cells"], "least star-shaped cells")
+
+
+def _listed(worst: list[dict[str, Any]], words: str) -> str:
     if not worst:
         return ""
     names = [s.name for s in (*SCORES, *CELL_SCORES) if s.name in worst[0]]
@@ -116,7 +126,7 @@ def _worst(summary: dict[str, Any]) -> str:
         for row in worst
     ]  # fmt: skip
     heads = ("file", *(["label"] if labelled else []), "verdict", *names)
-    return f"### The {len(worst)} least star-shaped\n\n" + _table(heads, body, right=len(names))
+    return f"### The {len(worst)} {words}\n\n" + _table(heads, body, right=len(names))
 
 
 def _name(row: dict[str, Any]) -> str:

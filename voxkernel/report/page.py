@@ -15,7 +15,7 @@ from voxkernel._plain import json_text
 from voxkernel.report import charts as charts
 from voxkernel.report.objects import object_charts, worst_objects
 from voxkernel.report.pictures import Pictures
-from voxkernel.report.rows import ALL_SCORES, CELL_SCORES, LABEL_SCORES, SCORES, ReportRows
+from voxkernel.report.rows import ALL_SCORES, CELL_SCORES, LABEL_SCORES, SCORES, ReportRows, Score
 from voxkernel.report.text import count, json_block, left_out_text, number, one_line, percent, readable, shorten
 
 __all__ = ["render_page", "shape_name"]
@@ -135,10 +135,13 @@ def render_page(
     shared = common_folder(rows)
     scripts = [read("report_viewer.js"), read("report.js")] if chosen else [read("report.js")]
     return environment.get_template("report.html").render(
-        s=summary, title=readable(title), headline=_headline(summary), bar=charts.outcome_bar(summary["counts"]),
-        classes=list(charts.CLASS_OF.values()), scores=charts.score_charts(rows),
+        s=summary, title=readable(title), headline=_headline(summary), bar=charts.outcome_bar(_main_counts(summary)),
+        bar_of=_bar_title(summary), classes=list(charts.CLASS_OF.values()), kinds=list(summary["kinds"]),
+        scores=charts.score_charts(rows.only("surface"), SCORES), ranks=_matrix(summary, SCORES),
+        cell_scores=charts.score_charts(rows.only("cell"), CELL_SCORES), cell_ranks=_matrix(summary, CELL_SCORES),
         profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
-        boxes=charts.boxes(summary["labels"]), object_charts=object_charts(summary["objects"]),
+        boxes=charts.boxes(summary["labels"]),
+        object_charts=[*object_charts(summary["objects"]), *charts.score_charts(rows.only("object"), LABEL_SCORES)],
         worst=[_card(rows, pictures, i, shared) for i in worst_objects(rows, _WORST) if i in pictures.thumbnails],
         gallery=[_card(rows, pictures, i, shared) for i in chosen],
         folder=shared, left_out=left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()]),
@@ -166,8 +169,10 @@ def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
             entry["values"] = values
         columns.append(entry)
     fixed = sum(int(c["width"][:-2]) for c in columns if c["width"].endswith("px"))
+    kinds = [rows.kind(i) for i in range(rows.n)]
     return {
-        "n": rows.n, "folder": common_folder(rows), "columns": columns, "wide": fixed + 280,
+        "n": rows.n, "kinds": kinds if len(set(kinds)) > 1 else [], "folder": common_folder(rows),
+        "columns": columns, "wide": fixed + 280,
         "views": list(pictures.views), "pictures": list(pictures.thumbnails),
         "labels": sorted({readable(t) for t in rows.texts["label"]}),
     }  # fmt: skip
@@ -220,25 +225,63 @@ def _rounded(value: float) -> float | int | None:
 
 
 def _headline(summary: dict[str, Any]) -> str:
-    counts, n = summary["counts"], summary["n_rows"]
-    if not n:
+    """A sentence for each kind of row; what is said of one counts nothing of another."""
+    if not summary["n_rows"]:
         return "The run has no rows yet."
-    cells = f", {count(summary['n_cells'])} of them cells of polyhedral meshes" if summary["n_cells"] else ""
-    objects = summary["objects"]
-    stars = counts["star-shaped"] + counts["degenerate"] - (objects["n_star"] if objects else 0)
-    done = n - counts["failed"] - (objects["n"] if objects else 0)
+    parts = [f"{count(summary['n_rows'])} rows from {count(summary['n_files'])} files."]
+    kinds, objects = summary["kinds"], summary["objects"]
+    stars, done = _stars(kinds.get("surface"))
+    if done or list(kinds) == ["surface"]:
+        parts.append(f"Some point sees the whole surface of {count(stars)} of the {count(done)} surfaces that could be "
+                     f"evaluated ({percent(stars, done)}).")  # fmt: skip
+    stars, done = _stars(kinds.get("cell"))
+    if done:
+        meshes = len(summary["volume_meshes"])
+        parts.append(f"{count(stars)} of the {count(done)} cells of {count(meshes)} volume mesh{'es' * (meshes > 1)} "
+                     f"are star-shaped ({percent(stars, done)}).")  # fmt: skip
     if objects:
-        seen = f"{count(objects['n_star'])} of {count(objects['n'])} objects of label images are seen whole from one " \
-               f"of their voxels ({percent(objects['n_star'], objects['n'])})."  # fmt: skip
-        if not done:
-            return f"{count(n)} rows from {count(summary['n_files'])} files. {seen}"
-        rest = f"Some point sees the whole surface of {count(stars)} of the {count(done)} others "
-        rest += f"({percent(stars, done)})."
-        return f"{count(n)} rows from {count(summary['n_files'])} files{cells}. {seen} {rest}"
-    return (
-        f"{count(n)} rows from {count(summary['n_files'])} files{cells}. Some point sees the whole surface of "
-        f"{count(stars)} of the {count(done)} that could be evaluated ({percent(stars, done)})."
-    )
+        parts.append(f"{count(objects['n_star'])} of {count(objects['n'])} objects of label images are seen whole from "
+                     f"one of their voxels ({percent(objects['n_star'], objects['n'])}).")  # fmt: skip
+    return " ".join(parts)
+
+
+def _stars(kind: dict[str, Any] | None) -> tuple[int, int]:
+    """How many rows of a kind have a kernel, and how many could be evaluated."""
+    if kind is None:
+        return 0, 0
+    counts = kind["counts"]
+    return counts["star-shaped"] + counts["degenerate"], kind["n"] - counts["failed"]
+
+
+def _main_kind(summary: dict[str, Any]) -> str:
+    """The kind that the bar at the top is about: surfaces, if any could be evaluated."""
+    kinds = summary["kinds"]
+    if _stars(kinds.get("surface"))[1] or not kinds:
+        return "surface"
+    return next((kind for kind in kinds if _stars(kinds[kind])[1]), "surface")
+
+
+def _main_counts(summary: dict[str, Any]) -> dict[str, int]:
+    return summary["kinds"].get(_main_kind(summary), summary)["counts"]
+
+
+def _bar_title(summary: dict[str, Any]) -> str:
+    """Name what the bar counts, where there are several kinds."""
+    if len(summary["kinds"]) < 2:
+        return ""
+    words = {"surface": "Surfaces", "cell": "Cells of volume meshes", "object": "Objects of label images"}
+    return words[_main_kind(summary)]
+
+
+def _matrix(summary: dict[str, Any], scores: Sequence[Score]) -> dict[str, Any] | None:
+    """Rank correlations as a square table; None where fewer than two scores can be compared."""
+    names = [s.name for s in scores if s.name in summary["scores"]]
+    found = {(p["a"], p["b"]): p for p in summary["spearman"]}
+    if len(names) < 2:
+        return None
+    rows = [[found.get((a, b)) or found.get((b, a)) for b in names] for a in names]
+    return {"names": names, "rows": [[None if p is None else p["rho"] for p in row] for row in rows],
+            "n": max(p["n"] for row in rows for p in row if p is not None)}  # fmt: skip
 
 
 def _card(rows: ReportRows, pictures: Pictures, i: int, folder: str) -> dict[str, Any]:
@@ -251,6 +294,7 @@ def _card(rows: ReportRows, pictures: Pictures, i: int, folder: str) -> dict[str
         words.append(f"ratio {number(float(ratio), 3)}")
     elif np.isfinite(defect) and defect > 0.0:
         words.append(f"defect {number(float(defect), 3)}")
+        words.append("relaxed kernel in purple")
     return {
         "row": i, "name": readable(rows.name(i)).removeprefix(folder),
         "css": charts.CLASS_OF[rows.outcome[i]], "words": ", ".join(words),

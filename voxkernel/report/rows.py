@@ -13,10 +13,11 @@ from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
 __all__ = [
-    "ALL_SCORES", "CELL_SCORES", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows",
+    "ALL_SCORES", "CELL_SCORES", "KINDS", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows",
     "worst_first",
 ]  # fmt: skip
 
+KINDS: tuple[str, ...] = ("surface", "cell", "object")
 OUTCOMES: tuple[str, ...] = ("star-shaped", "degenerate", "not star-shaped", "failed")
 
 
@@ -82,6 +83,25 @@ class ReportRows(Frozen):
     def has(self, column: str) -> bool:
         """Say whether a number column has any number."""
         return bool(np.isfinite(self.numbers[column]).any())
+
+    def kind(self, i: int) -> str:
+        """Say what a row is: an "object" of a label image, a "cell" of a volume mesh, or else a "surface"."""
+        if not np.isnan(self.numbers["object"][i]):
+            return "object"
+        return "surface" if np.isnan(self.numbers["cell"][i]) else "cell"
+
+    def only(self, *kinds: str) -> ReportRows:
+        """Give the rows of these kinds, in their order; a file that failed counts as a surface."""
+        ids = [i for i in range(self.n) if self.kind(i) in kinds]
+        if len(ids) == self.n:
+            return self
+        return ReportRows(
+            len(ids),
+            {name: [column[i] for i in ids] for name, column in self.texts.items()},
+            {name: column[ids] for name, column in self.numbers.items()},
+            {name: [column[i] for i in ids] for name, column in self.lists.items()},
+            [self.outcome[i] for i in ids],
+        )
 
     def name(self, i: int) -> str:
         """Name a row: its file, and its cell if it is one."""

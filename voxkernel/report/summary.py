@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 
 from voxkernel._npz import is_shallow, read_json
+from voxkernel.report.kinds import kind_summary, volume_meshes
 from voxkernel.report.labels import label_summary, labels_of
 from voxkernel.report.objects import object_summary
-from voxkernel.report.rows import ALL_SCORES, OUTCOMES, ReportRows, worst_first
+from voxkernel.report.rows import (
+    ALL_SCORES,
+    CELL_SCORES,
+    LABEL_SCORES,
+    OUTCOMES,
+    SCORES,
+    ReportRows,
+    Score,
+    worst_first,
+)
 from voxkernel.report.statistics import quantiles, spearman
 
 __all__ = ["read_left_out", "summarize"]
@@ -43,6 +53,9 @@ def summarize(
     from voxkernel._version import __version__
 
     counts = Counter(rows.outcome)
+    by_kind = {"surface": SCORES, "cell": CELL_SCORES, "object": LABEL_SCORES}
+    own = {kind: rows.only(kind) for kind in by_kind}
+    no_cells = rows.only("surface", "object")
     cells = np.isfinite(rows.numbers["cell"])
     return {
         "run": run,
@@ -51,16 +64,22 @@ def summarize(
         "n_files": len(set(rows.texts["file"])),
         "n_cells": int(cells.sum()),
         "n_objects": int(np.isfinite(rows.numbers["object"]).sum()),
+        "kinds": kind_summary(rows),
+        "volume_meshes": volume_meshes(rows),
         "objects": object_summary(rows),
         "left_out": None if left_out is None else [{"suffix": suffix, "n": n} for suffix, n in left_out],
         "counts": {name: counts.get(name, 0) for name in OUTCOMES},
         "failures": _failures(rows),
         "certificates": _certificates(rows),
-        "scores": {s.name: _score(rows, s.column) for s in ALL_SCORES if rows.has(s.column)},
-        "spearman": _agreement(rows),
+        "scores": {
+            s.name: _score(own[kind], s.column)
+            for kind, scores in by_kind.items() for s in scores if own[kind].has(s.column)
+        },
+        "spearman": [pair for kind, scores in by_kind.items() for pair in _agreement(own[kind], scores)],
         "profile": _profile(rows),
-        "labels": label_summary(rows, star_labels),
-        "worst": [_shape(rows, i) for i in _worst(rows)[:n_worst]],
+        "labels": label_summary(no_cells if no_cells.n else rows, star_labels),
+        "worst": [_shape(no_cells, i) for i in _worst(no_cells)[:n_worst]],
+        "worst_cells": [_shape(own["cell"], i) for i in _worst(own["cell"])[:n_worst]],
         "seconds": _seconds(rows),
         "settings": _distinct(rows, "settings"),
         "versions": _distinct(rows, "versions"),
@@ -101,10 +120,10 @@ def _score(rows: ReportRows, column: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _agreement(rows: ReportRows) -> list[dict[str, Any]]:
+def _agreement(rows: ReportRows, scores: Sequence[Score]) -> list[dict[str, Any]]:
     """Rank correlation of the scores, each turned so that larger means more star-shaped."""
     found: list[dict[str, Any]] = []
-    used = [s for s in ALL_SCORES if rows.has(s.column)]
+    used = [s for s in scores if rows.has(s.column)]
     for a, b in combinations(used, 2):
         rho, n = spearman(a.sign * rows.numbers[a.column], b.sign * rows.numbers[b.column])
         found.append({"a": a.name, "b": b.name, "rho": rho, "n": n})

@@ -15,7 +15,7 @@ function text(c, i) {
   const v = value(c, i);
   if (v === null || v === undefined || v === "") return c.kind === "text" ? "" : "–";
   if (c.kind === "truth") return v ? "yes" : "no";
-  if (c.kind === "number") return Number.isInteger(v) ? v.toLocaleString("en-US") : String(+v.toPrecision(4));
+  if (c.kind === "number") return Number.isInteger(v) ? v.toLocaleString("en-US") : Math.abs(v) < 1e-3 ? v.toExponential(2) : String(+v.toPrecision(4));
   return String(v);
 }
 function part(i) {
@@ -110,8 +110,22 @@ addEventListener("beforeprint", () => draw(200));
 addEventListener("afterprint", () => draw());
 
 // ---------------------------------------------------------------- filter and sort
-const search = byId("search"), outcome = byId("outcome"), label = byId("label");
+const search = byId("search"), outcome = byId("outcome"), label = byId("label"), sort = byId("kind");
 const oneWord = (words) => words.replace(/\b(object|cell)\s+(\d+)/g, "$1_$2."); // "object 2" is neither 21 nor a 2 elsewhere
+sort.closest("label").hidden = !data.kinds.length;
+// Several kinds are not listed together: surfaces come first, the others on request.
+if (data.kinds.includes("surface")) sort.value = "surface";
+const OTHER = { defect: "violation_upper", visible: "visible_fraction", verdict: "outcome", seen: "voxels_seen" };
+const simple = (s) => s.toLowerCase().replace(/[^a-z0-9]/g, "");
+function comparison(word) {
+  const m = /^([a-z][a-z0-9_.]*)(<=|>=|<|>|=)([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)$/i.exec(word);
+  if (!m || Number.isNaN(Number(m[3]))) return null;
+  const name = m[1].toLowerCase(), limit = Number(m[3]);
+  const c = column[OTHER[name] || name] || data.columns.find((d) => simple(d.title) === simple(name));
+  if (!c || c.kind !== "number") return { unknown: m[1] };
+  const ok = { "<": (v) => v < limit, ">": (v) => v > limit, "<=": (v) => v <= limit, ">=": (v) => v >= limit, "=": (v) => v === limit }[m[2]];
+  return { test: (i) => { const v = value(c, i); return v !== null && v !== undefined && ok(v); } };
+}
 const haystack = new Array(data.n);
 for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
 for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
@@ -126,22 +140,30 @@ function compare(c) {
   };
 }
 function update() {
-  const wanted = oneWord(search.value.trim().toLowerCase()).split(/\s+/).filter(Boolean), kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null;
+  const words = oneWord(search.value.trim()).replace(/\s*(<=|>=|<|>|=)\s*(?=[-+.0-9])/g, "$1").split(/\s+/).filter(Boolean);
+  const kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null, tests = words.map(comparison);
+  const wanted = words.filter((_, k) => !tests[k]).map((w) => w.toLowerCase()), compared = tests.filter((t) => t && t.test);
+  const unknown = tests.filter((t) => t && t.unknown).map((t) => t.unknown);
   order = [];
   for (let i = 0; i < data.n; i++) {
     if (kind && value(column.outcome, i) !== kind) continue;
+    if (sort.value && data.kinds.length && data.kinds[i] !== sort.value) continue;
+    if (!compared.every((t) => t.test(i))) continue;
     if (own !== null && value(column.label, i) !== own) continue;
     if (wanted.every((w) => haystack[i].includes(w))) order.push(i);
   }
   if (sortKey) order.sort(compare(column[sortKey]));
   for (const th of head.children) if (th.dataset.key) th.setAttribute("aria-sort", th.dataset.key !== sortKey ? "none" : rising ? "ascending" : "descending");
   byId("table").setAttribute("aria-rowcount", order.length + 1);
-  byId("count").textContent = order.length.toLocaleString("en-US") + " of " + data.n.toLocaleString("en-US") + " rows";
+  byId("count").textContent = order.length.toLocaleString("en-US") + " of " + data.n.toLocaleString("en-US") + " rows" + (unknown.length ? "; no column of numbers is called " + unknown.join(", ") : "");
   frame.scrollTop = 0;
   draw();
 }
-search.addEventListener("input", update); outcome.addEventListener("change", update); label.addEventListener("change", update);
-byId("clear").addEventListener("click", () => { search.value = ""; outcome.value = ""; label.selectedIndex = 0; sortKey = ""; update(); });
+search.addEventListener("input", update); outcome.addEventListener("change", update); label.addEventListener("change", update); sort.addEventListener("change", update);
+for (const button of document.querySelectorAll("[data-cells]")) button.addEventListener("click", () => {
+  search.value = button.dataset.cells; sort.value = "cell"; outcome.value = ""; update(); byId("all").scrollIntoView();
+});
+byId("clear").addEventListener("click", () => { search.value = ""; sort.value = ""; outcome.value = ""; label.selectedIndex = 0; sortKey = ""; update(); });
 for (const tile of document.querySelectorAll(".tile")) tile.addEventListener("click", () => {
   outcome.value = tile.dataset.outcome; update(); byId("all").scrollIntoView(); outcome.focus({ preventScroll: true });
 });
@@ -187,8 +209,9 @@ function show(i) {
   const point = (keys) => { const p = keys.map((k) => column[k] ? value(column[k], i) : null); return p.some((x) => x === null || x === undefined) ? null : p; };
   toKernel.setAttribute("aria-pressed", "false");
   const center = point(["center_x", "center_y", "center_z"]) || point(["star_center_x", "star_center_y", "star_center_z"]);
-  const kernel = viewer.show(JSON.parse(byId("view-" + i).textContent), center);
-  byId("relaxed").hidden = !kernel || !(column.violation_upper && value(column.violation_upper, i) > 0);
+  const relaxed = Boolean(column.violation_upper && value(column.violation_upper, i) > 0);
+  const kernel = viewer.show(JSON.parse(byId("view-" + i).textContent), center, relaxed);
+  byId("relaxed").hidden = !kernel || !relaxed;
   toKernel.disabled = !kernel; toKernel.title = kernel ? "" : "The kernel is empty";
   canvas.setAttribute("aria-label", "3D view of " + rowName(i) + ": drag or use the arrow keys to turn, + and - to come closer");
   opacity.dispatchEvent(new Event("input"));

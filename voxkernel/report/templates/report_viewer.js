@@ -73,7 +73,7 @@ function multiply(a, b) { // column-major 3 x 3
 function rotate(x, y) { const [s, c] = [Math.sin(x), Math.cos(x)], [t, d] = [Math.sin(y), Math.cos(y)];
   turn = multiply(multiply([1, 0, 0, 0, d, t, 0, -t, d], [c, 0, -s, 0, 1, 0, s, 0, c]), turn); ask(); }
 function shade() { const css = getComputedStyle(document.documentElement); const rgb = (name) => { const h = css.getPropertyValue(name).trim(); return [1, 3, 5].map((i) => parseInt(h.slice(i, i + 2), 16) / 255); };
-  return { surface: rgb("--glass"), ink: rgb("--ink"), kernel: rgb("--kernel"), center: rgb("--not") }; }
+  return { surface: rgb("--glass"), ink: rgb("--ink"), kernel: rgb(scene && scene.relaxed ? "--relaxed" : "--kernel"), center: rgb("--not") }; }
 function pass(item, mode, color, glass) {
   if (!item || !item.n) return;
   gl.bindBuffer(gl.ARRAY_BUFFER, item.b);
@@ -127,7 +127,7 @@ new ResizeObserver(ask).observe(canvas);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ask);
 
 return {
-  show(view, center) {
+  show(view, center, relaxed) {
     for (const item of scene ? Object.values(scene) : []) if (item && item.b) gl.deleteBuffer(item.b);
     const points = new Float32Array(bytes(view.vertices)), faces = new Uint32Array(bytes(view.faces));
     const own = new Float32Array(bytes(view.kernel_vertices)), ownFaces = new Uint32Array(bytes(view.kernel_faces));
@@ -135,7 +135,7 @@ return {
     const inner = own.length ? box(own) : null;
     let radius = all.radius || 1; // the kernel of an open surface can be outside
     for (let i = 0; i < own.length; i += 3) radius = Math.max(radius, Math.hypot(own[i] - origin[0], own[i + 1] - origin[1], own[i + 2] - origin[2]));
-    scene = {
+    scene = { relaxed,
       surface: part(points, faces, origin), creases: creases(points, faces, origin), solid: ownFaces.length ? part(own, ownFaces, origin) : null,
       segment: few && own.length === 6 ? loose(own, origin) : null, point: few ? loose(own, origin) : null,
       center: center ? loose(center, origin) : null, whole: { middle: zero, radius },

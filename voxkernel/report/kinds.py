@@ -1,0 +1,42 @@
+"""Surfaces, cells of volume meshes and objects of label images: never in one count or one picture."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from voxkernel.report.rows import KINDS, OUTCOMES, ReportRows
+
+__all__ = ["kind_summary", "volume_meshes"]
+
+
+def kind_summary(rows: ReportRows) -> dict[str, Any]:
+    """Count rows and outcomes of each kind that there is."""
+    found: dict[str, Any] = {}
+    for kind in KINDS:
+        own = rows.only(kind)
+        if own.n:
+            counts = Counter(own.outcome)
+            found[kind] = {"n": own.n, "counts": {name: counts.get(name, 0) for name in OUTCOMES}}
+    return found
+
+
+def volume_meshes(rows: ReportRows) -> list[dict[str, Any]]:
+    """Sum up the cells of each volume mesh in one row, the one with the most cells without a kernel first."""
+    own = rows.only("cell")
+    places: dict[str, list[int]] = {}
+    for i in range(own.n):
+        places.setdefault(own.texts["file"][i], []).append(i)
+    found: list[dict[str, Any]] = []
+    for file, ids in places.items():
+        counts = Counter(own.outcome[i] for i in ids)
+        share = own.numbers["volume_share"][ids]
+        share = share[np.isfinite(share)]
+        found.append({
+            "file": file, "cell": None, "n": len(ids), "counts": {name: counts.get(name, 0) for name in OUTCOMES},
+            "smallest_share": float(share.min()) if len(share) else None,
+            "median_share": float(np.median(share)) if len(share) else None,
+        })  # fmt: skip
+    return sorted(found, key=lambda m: (m["counts"]["star-shaped"] / m["n"], m["file"]))
