@@ -24,7 +24,7 @@ Vector cross(const Vector& u, const Vector& v) {
 }  // namespace
 
 const CommonPoints::Plane& CommonPoints::plane(Index place) {
-  Plane& found = cache_[place % kCached];
+  Plane& found = cache_[place % static_cast<Index>(cache_.size())];
   if (found.place == place) return found;
   found.place = place;
   const Index* corners = source_.corners[rows_[place]];

@@ -1,6 +1,8 @@
 // The common point of three planes with twice the digits of doubles, and a bound on its error.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "double_double.h"
@@ -11,7 +13,8 @@ namespace voxkernel {
 
 class CommonPoints {
  public:
-  CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows), cache_(kCached) {}
+  CommonPoints(const PlaneSource& source, Span<const std::int32_t> rows)
+      : source_(source), rows_(rows), cache_(std::min<Index>(kCached, rows.size())) {}
 
   // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each
   // coordinate; infinity where there is none.
@@ -31,8 +34,8 @@ class CommonPoints {
   void from_given(const double* row, Plane& plane) const;
 
   PlaneSource source_;
-  Indices rows_;
-  std::vector<Plane> cache_;  // by place, the last one asked for
+  Span<const std::int32_t> rows_;
+  std::vector<Plane> cache_;  // by place, the last ones asked for
 };
 
 }  // namespace voxkernel

@@ -15,6 +15,6 @@ struct Box {
 Index facet_planes(Points vertices, Triangles corners, const double* origin, double inverse_scale,
                    Rows<double, 3> normals, Span<double> offsets, Span<double> areas, Span<double> errors, Stop& stop);
 Box coordinate_range(Points vertices, Triangles faces, Stop& stop);
-bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop);
+bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -75,11 +75,12 @@ def exact_kernel(
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    found = surface_argument(surface, facets, threads=as_depth("threads", threads, 1, 256))
-    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT))
+    count = as_depth("threads", threads, 1, 256)
+    found = surface_argument(surface, facets, threads=count)
+    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=count)
 
 
-def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> KernelPolytope:
+def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threads: int = 1) -> KernelPolytope:
     """Compute the kernel of half-spaces inside a domain (None: everywhere)."""
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
@@ -99,16 +100,19 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
             unclipped_certificate=certificate if domain is None else certify_unclipped(halfspaces, unclipped),
             **clip,
         )
-    shape = _solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
+    shape = _solid_shape(planes, inside, threads) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
     certificate = certify(planes, inside, shape.corners)
     scale = planes.scale
     volume = shape.volume * scale**3
+    vertices = shape.vertices
+    vertices *= scale  # to the world, in place: where many half-spaces meet a copy would count
+    vertices += planes.origin
     return KernelPolytope(
         dimension=inside.dimension,
-        vertices=read_only(planes.to_world(shape.vertices)),
+        vertices=read_only(vertices),
         face_starts=read_only(shape.face_starts),
         face_vertices=read_only(shape.face_vertices),
         face_facets=read_only(planes.facet_ids[shape.rows]),
@@ -130,16 +134,16 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     )
 
 
-def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
+def _solid_shape(planes: HalfSpaces, inside: Feasibility, threads: int) -> Shape | None:
     """Merge coplanar facets first where a sample says that sides are flat: then few planes are left to decide about."""
     sample = planes.select(np.arange(0, len(planes), max(1, len(planes) // _SAMPLE)))
     if len(planes) < 2 * _SAMPLE or 2 * len(np.unique(sample.coplanar_groups())) > len(sample):
-        return solid_shape(planes, inside)
-    groups = planes.coplanar_groups()
+        return solid_shape(planes, inside, threads=threads)
+    groups = planes.coplanar_groups(threads=threads)
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
     merged = replace(planes.select(heads), bounds_volume=planes.bounds_volume)
-    shape = solid_shape(merged, replace(inside, working_set=working_set))
+    shape = solid_shape(merged, replace(inside, working_set=working_set), threads=threads)
     return None if shape is None else replace(shape, rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
 
 
