@@ -12,14 +12,19 @@ constexpr int kFirstShift = 14, kStep = 2;  // cells of the first round, and how
 constexpr int kAloneShift = 10;             // finer rounds run on several threads
 constexpr std::int32_t kFewest = 1 << 12;   // points a thread
 
+// A point that is left to others, and where its way ended.
+struct Left {
+  std::int32_t point, place;
+};
+
 // One round of a stretch of points: the farthest one of every cell that is not in yet; all of them where `shift` is
 // negative. Points that are left to others are listed.
 void insert_round(const DualPoints& duals, std::int32_t first, std::int32_t last, int shift, std::vector<char>& is_in,
-                  Inserter& inserter, std::vector<std::int32_t>& left, Stop& stop) {
+                  Inserter& inserter, std::vector<Left>& left, Stop& stop) {
   const auto insert = [&](std::int32_t i) {
     if (is_in[i] != 0) return;
     is_in[i] = 1;
-    if (!inserter.insert(i, stop)) left.push_back(i);
+    if (!inserter.insert(i, stop)) left.push_back({i, inserter.place()});
   };
   for (std::int32_t i = first; i < last;) {
     stop.poll();
@@ -74,18 +79,31 @@ Triangulation::Triangulation(const DualPoints& duals, int n_inserters)
 Inserter::Inserter(const DualPoints& duals, const PlaneSource& source, int cube_exponent, Triangulation& hull)
     : signs(duals, source, cube_exponent), duals_(duals), hull_(hull) {}
 
-bool Inserter::own(std::int32_t first, std::int32_t last) {
+void Inserter::own(std::int32_t first, std::int32_t last) {
   first_ = first;
   last_ = last;
-  const DualTriangle& before = hull_.triangles[at_];
-  if (before.is_there() && owns(before)) return true;
+  const auto may_begin = [&](std::int32_t place) {
+    const DualTriangle& t = hull_.triangles[place];
+    return t.is_there() && may_read(t);
+  };
+  has_begin_ = may_begin(at_);
   const std::int32_t size = hull_.size;
-  for (at_ = 0; at_ < size; ++at_) {
-    const DualTriangle& t = hull_.triangles[at_];
-    if (t.is_there() && owns(t)) return true;
+  for (std::int32_t i = 0; i < size && !has_begin_; ++i) {
+    at_ = i;
+    has_begin_ = may_begin(i);
   }
-  at_ = 0;
-  return false;
+  before_ = at_;
+}
+
+void Inserter::begin_near(std::int32_t l, std::int32_t place) {
+  const DualTriangle& t = hull_.triangles[place];
+  if (!t.is_there()) return;
+  const double* q = duals_.points[l].q;
+  const auto along = [&](std::int32_t corner) {
+    const double* p = duals_.points[corner].q;
+    return (p[0] * q[0] + p[1] * q[1] + p[2] * q[2]) / std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+  };
+  if (along(t.corner[0]) > along(hull_.triangles[at_].corner[0])) at_ = place;
 }
 
 // The triangle whose cone, closed, holds dual point l; or one that l is beyond; -1 where the way leads out of what is
@@ -95,7 +113,7 @@ std::int32_t Inserter::locate(std::int32_t l, int* where, Stop& stop) {
   for (std::int32_t steps = 0;; ++steps) {
     stop.poll();
     const DualTriangle& t = hull_.triangles[at];
-    if (!owns(t)) return -1;
+    place_ = at;
     random_ ^= random_ << 13;
     random_ ^= random_ >> 17;
     random_ ^= random_ << 5;
@@ -115,6 +133,7 @@ std::int32_t Inserter::locate(std::int32_t l, int* where, Stop& stop) {
       }
       if (next < 0) return at;
     }
+    if (!is_own(t.corner[(next + 1) % 3]) && !is_own(t.corner[(next + 2) % 3])) return -1;
     at = t.across[next];
     // A walk at random gets there; should it take very long, all triangles are asked.
     if (steps > 1000 + hull_.size / 2) return look_everywhere(l, where, stop);
@@ -152,14 +171,22 @@ std::int32_t Inserter::new_place() {
   return chunk_++;
 }
 
+// What is own may be in pieces: the next walk begins where this one's piece was entered from.
+bool Inserter::give_up() {
+  const DualTriangle& t = hull_.triangles[before_];
+  if (t.is_there() && may_read(t)) at_ = before_;
+  return false;
+}
+
 bool Inserter::insert(std::int32_t l, Stop& stop) {
   stop.poll(16);
+  if (!has_begin_) return false;
   DualTriangle* triangles = hull_.triangles.get();
   int where;
   const std::int32_t at = locate(l, &where, stop);
-  if (at < 0) return false;
-  at_ = at;
+  if (at < 0 || (where >= 0 && !owns(triangles[at]))) return give_up();
   if (where <= 0) {
+    at_ = at;
     if (where == 0) note_same(triangles[at], l);
     return true;
   }
@@ -172,7 +199,7 @@ bool Inserter::insert(std::int32_t l, Stop& stop) {
   for (std::size_t i = 0; i < seen_.size(); ++i) {
     for (const std::int32_t other : triangles[seen_[i]].across) {
       DualTriangle& o = triangles[other];
-      if (!owns(o)) return false;
+      if (!owns(o)) return give_up();
       if (o.mark == stamp) continue;
       if (o.mark != -stamp && beyond(o, l) > 0) {
         o.mark = stamp;
@@ -216,6 +243,7 @@ bool Inserter::insert(std::int32_t l, Stop& stop) {
     triangles[fresh_[i]].across[0] = next;
     triangles[next].across[1] = fresh_[i];
   }
+  before_ = at_;
   at_ = fresh_[0];
   return true;
 }
@@ -247,7 +275,7 @@ void insert_all(DualPoints& duals, std::vector<Inserter>& inserters, Stop& stop)
   }
   const int n_parts = std::max(1, std::min(static_cast<int>(inserters.size()), n / kFewest));
   std::vector<char> is_in(n, 0);
-  std::vector<std::vector<std::int32_t>> left(n_parts);
+  std::vector<std::vector<Left>> left(n_parts);
   for (int shift = kFirstShift; shift >= -kStep; shift -= kStep) {
     const int parts = shift > kAloneShift ? 1 : n_parts;
     const auto begin = [&](int part) { return static_cast<std::int32_t>(part_begin(n, parts, part)); };
@@ -260,8 +288,11 @@ void insert_all(DualPoints& duals, std::vector<Inserter>& inserters, Stop& stop)
     });
     for (const Inserter& inserter : inserters) main.stamp = std::max(main.stamp, inserter.stamp);
     main.own(0, everything);
-    for (std::vector<std::int32_t>& points : left) {
-      for (const std::int32_t i : points) main.insert(i, stop);
+    for (std::vector<Left>& points : left) {
+      for (const Left& one : points) {
+        main.begin_near(one.point, one.place);
+        main.insert(one.point, stop);
+      }
       points.clear();
     }
   }

@@ -35,16 +35,21 @@ struct Triangulation {
   std::vector<std::int32_t> first_same;  // of a point: where the first of the rows is that are the same half-space
 };
 
-// Inserts points in a stretch of places that is its own, and changes only triangles all of whose corners are: those
-// are never next to those of another, so no two inserters touch the same.
+// Inserts points in a stretch of places that is its own. It changes only triangles all of whose corners are, and reads
+// only those that have one such corner: so it never sees what another changes, and triangles with corners of several
+// stay as they are while they work.
 class Inserter {
  public:
   Inserter(const DualPoints& duals, const PlaneSource& source, int cube_exponent, Triangulation& hull);
 
-  // Also the sides of the cube are own where `last` is beyond them. False where there is no triangle to begin at.
-  bool own(std::int32_t first, std::int32_t last);
+  // Also the sides of the cube are own where `last` is beyond them.
+  void own(std::int32_t first, std::int32_t last);
   // False, and nothing is changed, where others own what would have to go.
   bool insert(std::int32_t l, Stop& stop);
+  // Where the last walk ended.
+  std::int32_t place() const { return place_; }
+  // The next walk, to point l, begins at a triangle if that is still there and nearer than where it would.
+  void begin_near(std::int32_t l, std::int32_t place);
 
   DualSigns signs;
   std::int32_t stamp = 0;  // no mark is larger
@@ -54,20 +59,25 @@ class Inserter {
     std::int32_t from, to, outside;
     int back;
   };
-  bool owns(const DualTriangle& t) const {
-    return t.corner[0] >= first_ && t.corner[1] >= first_ && t.corner[2] >= first_ && t.corner[0] < last_ &&
-           t.corner[1] < last_ && t.corner[2] < last_;
+  bool is_own(std::int32_t corner) const { return corner >= first_ && corner < last_; }
+  bool owns(const DualTriangle& t) const { return is_own(t.corner[0]) && is_own(t.corner[1]) && is_own(t.corner[2]); }
+  bool may_read(const DualTriangle& t) const {
+    return is_own(t.corner[0]) || is_own(t.corner[1]) || is_own(t.corner[2]);
   }
   int beyond(const DualTriangle& t, std::int32_t l) { return signs.beyond(t.corner[0], t.corner[1], t.corner[2], l); }
   std::int32_t locate(std::int32_t l, int* where, Stop& stop);
   std::int32_t look_everywhere(std::int32_t l, int* where, Stop& stop);
+  bool give_up();
   void note_same(const DualTriangle& t, std::int32_t l);
   std::int32_t new_place();
 
   const DualPoints& duals_;
   Triangulation& hull_;
   std::int32_t first_ = 0, last_ = 0;
-  std::int32_t at_ = 0;  // where the last walk ended
+  bool has_begin_ = false;
+  std::int32_t at_ = 0;      // where the next walk begins
+  std::int32_t before_ = 0;  // where one began from which another was found
+  std::int32_t place_ = 0;
   std::int32_t chunk_ = 0, chunk_end_ = 0;
   std::uint32_t random_ = 12345;
   std::vector<std::int32_t> free_, seen_, fresh_;
