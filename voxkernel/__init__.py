@@ -234,8 +234,8 @@ _HOMES = {
     "write_vdb": "vdb",
 }
 _FOLDERS = (
-    "errors", "evaluation", "exact", "grid", "halfspaces", "labels", "measures", "mesh", "pictures", "polyhedral",
-    "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "measures", "mesh", "pictures", "polyhedral",
+    "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "labels", "measures", "mesh", "pictures",
+    "polyhedral",
     "registration", "relaxed", "report", "spherical", "vdb", "voxels",
 )  # fmt: skip
 

@@ -6,7 +6,7 @@ import shapes
 
 import voxkernel
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.plane_passes import reaching_planes, tightest_planes
+from voxkernel.halfspaces.plane_passes import largest_heights, reaching_planes, tightest_planes
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,22 @@ def test_any_number_of_threads_gives_the_same(mesh, threads):
     assert slack.argmin() in ids
     corners = 0.43 * np.concatenate([np.eye(3), -np.eye(3)])
     found = reaching_planes(one, point, corners, margin=0.01)
-    assert 0 < len(found[0]) < len(one)
-    for a, b in zip(found, reaching_planes(one, point, corners, margin=0.01, threads=threads), strict=True):
-        assert np.array_equal(a, b)
+    assert 0 < len(found) < len(one)
+    assert np.array_equal(found, reaching_planes(one, point, corners, margin=0.01, threads=threads))
+    among = np.arange(len(one)) % 3 == 0
+    some = reaching_planes(one, point, corners, margin=0.01, among=among, threads=threads)
+    assert np.array_equal(some, found[among[found]])
+    many = one.local_normals * 0.9  # a large tree of corners is made on several threads, too
+    found = reaching_planes(one, point, many)
+    assert np.array_equal(found, reaching_planes(one, point, many, threads=threads))
+
+
+def test_largest_heights_are_those_of_all_products(mesh, rng):
+    planes = HalfSpaces.from_mesh(mesh).select(np.arange(3000))
+    ids, points = rng.permutation(3000)[:2000], rng.normal(size=(500, 3))
+    truth = (planes.local_normals[ids] @ points.T).max(axis=1) - planes.local_offsets[ids]
+    assert np.array_equal(largest_heights(planes, ids, points), truth)
+    assert largest_heights(planes, ids[:0], points).shape == (0,)
 
 
 def test_exact_kernel_takes_threads(mesh):

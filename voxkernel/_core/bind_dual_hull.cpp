@@ -13,26 +13,26 @@ void bind_dual_hull(nb::module_& m) {
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors,
          Array<const double, 3> local_center, double center_error, double scale, Array2<const double, 3> vertices,
          Array2<const Index, 3> corners, Array2<const double, 4> given, Array2<const double, 3> center, bool is_cone,
-         Array1<const Index> chosen, int cube_exponent) {
+         Array1<const Index> chosen, int cube_exponent, int threads) {
         HullPolytope found = without_lock([&](Stop& stop) {
           const LocalPlanes planes{rows(normals),       span(offsets), span(errors),
                                    local_center.data(), center_error,  scale};
           const PlaneSource source{rows(vertices), rows(corners), rows(given), rows(center)};
-          const PlaneSources sources{source.vertices, source.corners, source.given, is_cone};
-          const std::vector<Index> first = first_of_planes(planes.normals, sources, span(chosen), stop);
-          return dual_hull(planes, source, first, cube_exponent, stop);
+          const InputPlanes sources{source.vertices, source.corners, source.given, is_cone};
+          const std::vector<Index> first = first_of_planes(planes.normals, sources, span(chosen), threads, stop);
+          return dual_hull(planes, source, first, cube_exponent, threads, stop);
         });
         return std::make_tuple(found.is_inside, found.is_closed, to_rows<3>(std::move(found.vertices)),
                                to_read_only_rows<3>(std::move(found.vertex_rows)), found.vertex_error,
                                to_read_only(std::move(found.start)), to_read_only(std::move(found.ring)),
-                               to_read_only(std::move(found.rows)), found.n_decided);
+                               to_read_only(std::move(found.rows)));
       },
       array("normals"), array("offsets"), array("errors"), array("local_center"), nb::arg("center_error"),
       nb::arg("scale"), array("vertices"), array("corners"), array("given"), array("center"), nb::arg("is_cone"),
-      array("rows"), nb::arg("cube_exponent"),
+      array("rows"), nb::arg("cube_exponent"), nb::arg("threads") = 1,
       "The polytope of half-spaces, of ascending rows, about a point strictly inside: whether the point is, whether no "
       "side of a cube is left, vertices from the point, three rows of each, a bound on their errors, starts and rings "
-      "of faces, their rows (the first on each plane), and the number of signs decided in integers.");
+      "of faces, and their rows (the first on each plane).");
   m.def(
       "solid_measures",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array<const double, 3> center,

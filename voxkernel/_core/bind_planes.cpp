@@ -47,10 +47,10 @@ void bind_planes(nb::module_& m) {
       "A lower bound of the mean square of unit normals along any direction, of every `step`-th, up to rounding.");
   m.def(
       "boundary_is_zero",
-      [](Array2<const Index, 3> faces, Index n_vertices) {
-        return without_lock([&](Stop& stop) { return boundary_is_zero(rows(faces), n_vertices, stop); });
+      [](Array2<const Index, 3> faces, Index n_vertices, int threads) {
+        return without_lock([&](Stop& stop) { return boundary_is_zero(rows(faces), n_vertices, threads, stop); });
       },
-      array("faces"), nb::arg("n_vertices"),
+      array("faces"), nb::arg("n_vertices"), nb::arg("threads") = 1,
       "Whether every edge is traversed equally often in both directions: the surface bounds a volume.");
 }
 

@@ -219,11 +219,11 @@ double CellSolver::hull_volume(const double* center, double depth) const {
   const LocalPlanes local{
       {normals.data(), n}, {planes_.offset.data(), n}, {planes_.error.data(), n}, center, 0.0, scale};
   const PlaneSource source{cell_.points(), {polygons_.corners.data(), n}, {}, {terms, 2}};
-  const PlaneSources sources{source.vertices, source.corners, {}, false};
+  const InputPlanes sources{source.vertices, source.corners, {}, false};
   std::vector<Index> rows(n);
   std::iota(rows.begin(), rows.end(), Index{0});
-  rows = first_of_planes(local.normals, sources, rows, stop_);
-  const HullPolytope hull = dual_hull(local, source, rows, std::ilogb(scale) + kFarCube, stop_);
+  rows = first_of_planes(local.normals, sources, rows, 1, stop_);
+  const HullPolytope hull = dual_hull(local, source, rows, std::ilogb(scale) + kFarCube, 1, stop_);
   if (!hull.is_inside || !hull.is_closed) return -1.0;
   const Points vertices{hull.vertices.data(), static_cast<Index>(hull.vertices.size() / 3)};
   const SolidMeasures found =

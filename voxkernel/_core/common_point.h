@@ -1,6 +1,8 @@
 // The common point of three planes with twice the digits of doubles, and a bound on its error.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "double_double.h"
@@ -11,7 +13,7 @@ namespace voxkernel {
 
 class CommonPoints {
  public:
-  CommonPoints(const PlaneSource& source, Indices rows) : source_(source), rows_(rows) {
+  CommonPoints(const PlaneSource& source, Span<const std::int32_t> rows) : source_(source), rows_(rows) {
     std::size_t size = 16;
     while (size < kCached && size < static_cast<std::size_t>(rows.size())) size *= 2;
     cache_.resize(size);
@@ -35,7 +37,7 @@ class CommonPoints {
   void from_given(const double* row, Plane& plane) const;
 
   PlaneSource source_;
-  Indices rows_;
+  Span<const std::int32_t> rows_;
   std::vector<Plane> cache_;  // by place, the last one asked for; a power of two of them
 };
 

@@ -1,13 +1,17 @@
 #include "convexity.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 
 #include "predicates.h"
 #include "stretches.h"
+#include "workers.h"
 
 namespace voxkernel {
 namespace {
+
+constexpr Index kLeast = 1 << 14;  // vertices that are worth a thread
 
 Index next_corner(const Index* face, int k) { return face[k == 2 ? 0 : k + 1]; }
 
@@ -48,8 +52,25 @@ struct Surface {
   }
 };
 
+// The least convexity of the edges whose smaller vertex is one; 0 where one has not two faces that pass it both ways.
 template <typename Small>
-int edge_convexity_with(const Surface& surface, int least, Stop& stop) {
+int edges_of_vertex(const Surface& surface, HalfEdge<Small>* edges, Index n) {
+  // In any order where the other vertex is the same: only pairs are used, and both ways.
+  std::sort(edges, edges + n, [](const auto& a, const auto& b) { return a.other < b.other; });
+  int worst = 2;
+  for (Index i = 0; i < n && worst > 0; i += 2) {
+    const bool is_pair =
+        i + 1 < n && edges[i].other == edges[i + 1].other && (i + 2 == n || edges[i + 2].other != edges[i].other);
+    if (!is_pair) return 0;
+    const auto one = static_cast<Index>(edges[i].edge), two = static_cast<Index>(edges[i + 1].edge);
+    if (surface.begin(one) == surface.begin(two)) return 0;
+    worst = std::min(worst, surface.convexity(one, two));
+  }
+  return worst;
+}
+
+template <typename Small>
+int edge_convexity_with(const Surface& surface, int least, int threads, Stop& stop) {
   const Triangles faces = surface.faces;
   const Index n_vertices = surface.vertices.size();
   const auto lower = [&](Index f, int k) { return std::min(faces(f, k), next_corner(faces[f], k)); };
@@ -66,24 +87,21 @@ int edge_convexity_with(const Surface& surface, int least, Stop& stop) {
       edges[end[lower(f, k)]++] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
     }
   });
-  int answer = 2;
-  Index first = 0;
-  for (Index v = 0; v < n_vertices; ++v) {
-    const Index last = static_cast<Index>(end[v]);
-    stop.poll(1 + last - first);
-    // In any order where the other vertex is the same: only pairs are used, and both ways.
-    std::sort(edges.begin() + first, edges.begin() + last,
-              [](const auto& a, const auto& b) { return a.other < b.other; });
-    for (; first < last; first += 2) {
-      const bool is_pair = first + 1 < last && edges[first].other == edges[first + 1].other &&
-                           (first + 2 == last || edges[first + 2].other != edges[first].other);
-      if (!is_pair) return 0;
-      const auto one = static_cast<Index>(edges[first].edge), two = static_cast<Index>(edges[first + 1].edge);
-      if (surface.begin(one) == surface.begin(two)) return 0;
-      answer = std::min(answer, surface.convexity(one, two));
-      if (answer < least) return 0;
+  // The least answer of all vertices; 0 ends the others.
+  std::atomic<int> answer{2};
+  run_stretches(n_vertices, kLeast, threads, stop, [&](Index begin, Index finish, Stop& own) {
+    Index first = begin == 0 ? 0 : static_cast<Index>(end[begin - 1]);
+    for (Index v = begin; v < finish && answer.load(std::memory_order_relaxed) > 0; ++v) {
+      const Index last = static_cast<Index>(end[v]);
+      own.poll(1 + last - first);
+      const int worst = edges_of_vertex(surface, edges.data() + first, last - first);
+      int before = answer.load(std::memory_order_relaxed);
+      const int now = worst < least ? 0 : worst;
+      while (now < before && !answer.compare_exchange_weak(before, now)) {
+      }
+      first = last;
     }
-  }
+  });
   return answer;
 }
 
@@ -93,11 +111,11 @@ int edge_convexity_with(const Surface& surface, int least, Stop& stop) {
 // two faces which traverse it in opposite directions. An answer below `least` becomes 0, found with the first edge that
 // says so. Half-edges are bucketed by their smaller vertex, so the time is linear.
 int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triangles plane_corners, int least,
-                   Stop& stop) {
+                   int threads, Stop& stop) {
   const Surface surface{vertices, faces, face_planes, plane_corners};
   const bool is_small = std::max(vertices.size(), 3 * faces.size()) <= Index{UINT32_MAX};
-  return is_small ? edge_convexity_with<std::uint32_t>(surface, least, stop)
-                  : edge_convexity_with<std::uint64_t>(surface, least, stop);
+  return is_small ? edge_convexity_with<std::uint32_t>(surface, least, threads, stop)
+                  : edge_convexity_with<std::uint64_t>(surface, least, threads, stop);
 }
 
 }  // namespace voxkernel

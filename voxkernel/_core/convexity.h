@@ -7,6 +7,6 @@
 namespace voxkernel {
 
 int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triangles plane_corners, int least,
-                   Stop& stop);
+                   int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -3,15 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <stdexcept>
 
 #include "expansions.h"
 #include "modular.h"
 #include "predicates.h"
+#include "workers.h"
 
 namespace voxkernel {
 namespace {
 
 constexpr Index kBlock = 256;
+constexpr Index kMany = 1 << 16;                   // keys that are held at a time
+constexpr Index kLeast = 1 << 13;                  // half-spaces that are worth a thread
 constexpr std::uint64_t kOdd = ~std::uint64_t{0};  // of planes whose numbers are all 0 modulo the prime
 
 using Plane = std::array<Residue, 4>;
@@ -22,7 +27,7 @@ bool is_within_range(double value) {
 }
 
 // Whether the exact predicates cover all numbers in use.
-bool within_range(const PlaneSources& sources) {
+bool within_range(const InputPlanes& sources) {
   for (Index i = 0; i < sources.corners.size(); ++i) {
     const Index* ids = sources.corners[i];
     if (ids[0] < 0) {
@@ -39,7 +44,7 @@ bool within_range(const PlaneSources& sources) {
 }
 
 // (a, b, c, d) of the plane a x + b y + c z = d, modulo the prime.
-Plane plane_residues(const PlaneSources& sources, const Index* ids) {
+Plane plane_residues(const InputPlanes& sources, const Index* ids) {
   if (ids[0] < 0) {
     const double* given = sources.explicit_planes[-1 - ids[0]];
     return {residue_of(given[0]), residue_of(given[1]), residue_of(given[2]), residue_of(given[3])};
@@ -66,36 +71,28 @@ std::uint64_t mixed(const Plane& plane, Residue factor) {
 
 // Keys of a block of half-spaces, the same for all that lie on one plane: their numbers over the first one that is not
 // 0. One division serves them all (Montgomery): the product of all divisors is inverted, and taken apart again.
-class Keys {
- public:
-  void fill(const PlaneSources& sources, Index first, Index last) {
-    Residue product = 1;
-    for (Index i = first; i < last; ++i) {
-      Plane& plane = planes_[i - first];
-      plane = plane_residues(sources, sources.corners[i]);
-      const auto* head = std::find_if(plane.begin(), plane.end(), [](Residue part) { return part != 0; });
-      divisors_[i - first] = head == plane.end() ? 0 : *head;
-      before_[i - first] = product;
-      if (head != plane.end()) product = multiplied(product, *head);
-    }
-    Residue inverse = inverted(product);
-    for (Index k = last - first - 1; k >= 0; --k) {
-      if (divisors_[k] == 0) {
-        keys_[k] = kOdd;
-        continue;
-      }
-      keys_[k] = mixed(planes_[k], multiplied(inverse, before_[k]));
-      inverse = multiplied(inverse, divisors_[k]);
-    }
+void fill_keys(const InputPlanes& sources, Index first, Index last, std::uint64_t* keys) {
+  Plane planes[kBlock];
+  Residue divisors[kBlock], before[kBlock];
+  Residue product = 1;
+  for (Index i = first; i < last; ++i) {
+    Plane& plane = planes[i - first];
+    plane = plane_residues(sources, sources.corners[i]);
+    const auto* head = std::find_if(plane.begin(), plane.end(), [](Residue part) { return part != 0; });
+    divisors[i - first] = head == plane.end() ? 0 : *head;
+    before[i - first] = product;
+    if (head != plane.end()) product = multiplied(product, *head);
   }
-  std::uint64_t operator[](Index k) const { return keys_[k]; }
-
- private:
-  Plane planes_[kBlock];
-  Residue divisors_[kBlock];
-  Residue before_[kBlock];
-  std::uint64_t keys_[kBlock];
-};
+  Residue inverse = inverted(product);
+  for (Index k = last - first - 1; k >= 0; --k) {
+    if (divisors[k] == 0) {
+      keys[k] = kOdd;
+      continue;
+    }
+    keys[k] = mixed(planes[k], multiplied(inverse, before[k]));
+    inverse = multiplied(inverse, divisors[k]);
+  }
+}
 
 // a x + b y + c z = d for doubles, exactly; products of two numbers in range are multiples of 2**-704 and below 2**600.
 bool lies_on(const double* plane, const double* p) {
@@ -120,18 +117,19 @@ bool are_proportional(const double* p, const double* q) {
 // Half-spaces that found a plane, and the exact tests of others against them.
 class Heads {
  public:
-  Heads(Points normals, const PlaneSources& sources) : normals_(normals), sources_(sources), slots_(64, Slot{0, -1}) {
+  Heads(Points normals, const InputPlanes& sources) : normals_(normals), sources_(sources), slots_(64, Slot{0, -1}) {
     // Neighbours share corners; of a few facets of a large surface nothing is kept.
     if (sources.vertices.size() <= 4 * sources.corners.size()) known_.assign(sources.vertices.size(), -1);
   }
 
   // The head of half-space i: one that was put in before, or i itself, which is put in.
   Index head_of(std::uint64_t key, Index i) {
-    std::size_t at = key & (slots_.size() - 1);
+    const auto short_key = static_cast<std::uint32_t>(key);
+    std::size_t at = short_key & (slots_.size() - 1);
     for (; slots_[at].head >= 0; at = (at + 1) & (slots_.size() - 1)) {
-      if (slots_[at].key == key && are_one(slots_[at].head, i)) return slots_[at].head;
+      if (slots_[at].key == short_key && are_one(slots_[at].head, i)) return slots_[at].head;
     }
-    slots_[at] = {key, i};
+    slots_[at] = {short_key, static_cast<std::int32_t>(i)};
     if (2 * static_cast<std::size_t>(++size_) > slots_.size()) grow();
     return i;
   }
@@ -146,8 +144,8 @@ class Heads {
 
  private:
   struct Slot {
-    std::uint64_t key;
-    Index head;  // -1 is a free slot
+    std::uint32_t key;  // half of it: which tells planes apart well enough
+    std::int32_t head;  // -1 is a free slot
   };
 
   bool are_one(Index head, Index i) {
@@ -176,7 +174,7 @@ class Heads {
     if (!known_.empty() && known_[v] == head) return true;
     const Points& x = sources_.vertices;
     if (orientation(x[plane[0]], x[plane[1]], x[plane[2]], x[v]) != 0.0) return false;
-    if (!known_.empty()) known_[v] = head;
+    if (!known_.empty()) known_[v] = static_cast<std::int32_t>(head);
     return true;
   }
 
@@ -192,9 +190,9 @@ class Heads {
   }
 
   Points normals_;
-  const PlaneSources& sources_;
-  std::vector<Slot> slots_;   // a power of two of them, at most half of them in use
-  std::vector<Index> known_;  // the last head on whose plane a vertex was found to lie
+  const InputPlanes& sources_;
+  std::vector<Slot> slots_;          // a power of two of them, at most half of them in use
+  std::vector<std::int32_t> known_;  // the last head on whose plane a vertex was found to lie
   Index size_ = 0;
 };
 
@@ -206,18 +204,24 @@ class Heads {
 // are tested exactly. Where all four are multiples of the prime there is no key, and all planes are tried. So every
 // pair is found, in linear time, however many planes are nearly the same. Nothing is grouped where a number in use is
 // beyond 2**-300 .. 2**300.
-std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, Stop& stop) {
+std::vector<Index> coplanar_groups(Points normals, const InputPlanes& sources, int threads, Stop& stop) {
   const Index n = sources.corners.size();
+  if (n > std::numeric_limits<std::int32_t>::max()) throw std::length_error("too many half-spaces to be grouped");
   std::vector<Index> groups(n);
   for (Index i = 0; i < n; ++i) groups[i] = i;
   if (!within_range(sources)) return groups;
   Heads heads(normals, sources);
-  Keys keys;
+  std::vector<std::uint64_t> keys(std::min(n, kMany));
   std::vector<Index> odd;
-  for (Index first = 0; first < n; first += kBlock) {
-    const Index last = std::min(n, first + kBlock);
-    stop.poll(8 * (last - first));
-    keys.fill(sources, first, last);
+  for (Index first = 0; first < n; first += kMany) {
+    const Index last = std::min(n, first + kMany);
+    run_stretches(last - first, kLeast, threads, stop, [&](Index begin, Index end, Stop& own) {
+      for (Index i = begin; i < end; i += kBlock) {
+        const Index next = std::min(end, i + kBlock);
+        own.poll(8 * (next - i));
+        fill_keys(sources, first + i, first + next, &keys[i]);
+      }
+    });
     for (Index i = first; i < last; ++i) {
       if (keys[i - first] == kOdd) {
         odd.push_back(i);
@@ -225,6 +229,7 @@ std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, 
         groups[i] = heads.head_of(keys[i - first], i);
       }
     }
+    stop.poll(8 * (last - first));
   }
   if (odd.empty()) return groups;
   for (const Index i : odd) {
@@ -238,10 +243,10 @@ std::vector<Index> coplanar_groups(Points normals, const PlaneSources& sources, 
   return groups;
 }
 
-std::vector<Index> first_of_planes(Points normals, const PlaneSources& sources, Indices rows, Stop& stop) {
+std::vector<Index> first_of_planes(Points normals, const InputPlanes& sources, Indices rows, int threads, Stop& stop) {
   std::vector<Index> groups;
   if (rows.size() == normals.size()) {
-    groups = coplanar_groups(normals, sources, stop);
+    groups = coplanar_groups(normals, sources, threads, stop);
   } else {
     std::vector<double> some_normals(static_cast<std::size_t>(3) * rows.size());
     std::vector<Index> some_corners(static_cast<std::size_t>(3) * rows.size());
@@ -249,9 +254,9 @@ std::vector<Index> first_of_planes(Points normals, const PlaneSources& sources, 
       std::copy_n(normals[rows[i]], 3, some_normals.data() + 3 * i);
       std::copy_n(sources.corners[rows[i]], 3, some_corners.data() + 3 * i);
     }
-    PlaneSources some = sources;
+    InputPlanes some = sources;
     some.corners = {some_corners.data(), rows.size()};
-    groups = coplanar_groups({some_normals.data(), rows.size()}, some, stop);
+    groups = coplanar_groups({some_normals.data(), rows.size()}, some, threads, stop);
   }
   std::vector<Index> found;
   found.reserve(groups.size());

@@ -3,22 +3,11 @@
 
 #include <vector>
 
-#include "exact_planes.h"
+#include "dual_points.h"
 #include "spans.h"
 #include "stop.h"
 
 namespace voxkernel {
-
-// Half-spaces n . x <= d in a local frame, rounded, and where they come from exactly. The error of n . x - d at x is at
-// most errors (|x| + 1). `center` is the exact centre, rounded to the local frame, off by at most `center_error`.
-struct LocalPlanes {
-  Points normals;
-  Doubles offsets;
-  Doubles errors;
-  const double* center;
-  double center_error;
-  double scale;  // local units are this long
-};
 
 // Faces in the order of their rows, vertices by first appearance, each polygon counter-clockwise from outside and
 // beginning at its first vertex in the order of `vertex_rows`: nothing depends on the order of the work.
@@ -30,10 +19,9 @@ struct HullPolytope {
   double vertex_error = 0.0;       // no coordinate of a vertex is farther from the exact one
   std::vector<Index> start, ring;
   std::vector<Index> rows;  // of each face: the first of those on its plane
-  Index n_decided = 0;      // signs that floating point could not tell
 };
 
 HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, Indices rows, int cube_exponent,
-                       Stop& stop);
+                       int threads, Stop& stop);
 
 }  // namespace voxkernel

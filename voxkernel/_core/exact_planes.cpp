@@ -5,7 +5,7 @@
 
 namespace voxkernel {
 
-ExactPlanes::ExactPlanes(const PlaneSource& source, Indices rows, int cube_exponent)
+ExactPlanes::ExactPlanes(const PlaneSource& source, Span<const std::int32_t> rows, int cube_exponent)
     : source_(source), rows_(rows), cube_exponent_(cube_exponent) {}
 
 // The coarsest lattice that holds the centre and every corner in use: short numbers are quick ones.
@@ -17,7 +17,7 @@ void ExactPlanes::find_lattice() {
   for (Index i = 0; i < source_.center.size(); ++i) {
     for (int k = 0; k < 3; ++k) look(source_.center(i, k));
   }
-  for (const Index row : rows_) {
+  for (const std::int32_t row : rows_) {
     const Index* corners = source_.corners[row];
     if (corners[0] < 0) continue;
     for (int j = 0; j < 3; ++j) {
@@ -30,34 +30,41 @@ void ExactPlanes::find_lattice() {
     for (Index i = 0; i < source_.center.size(); ++i) {
       total = sum(scratch_, total, from_double(scratch_, source_.center(i, k), shift_));
     }
-    center_[k] = keep(total);
+    center_[k] = keep(total, own_);
   }
   scratch_.forget();
-  planes_.resize(rows_.size() + 6);
   has_lattice_ = true;
 }
 
-Wide ExactPlanes::keep(const Wide& value) {
+Wide ExactPlanes::keep(const Wide& value, LimbPool& pool) {
   if (value.size == 0) return {};
-  std::uint64_t* limbs = kept_.take(value.size);
+  std::uint64_t* limbs = pool.take(value.size);
   std::copy(value.limbs, value.limbs + value.size, limbs);
   return {limbs, value.size, value.sign};
 }
 
+// After every answer: numbers in between go, and planes once they are many.
+void ExactPlanes::forget() {
+  scratch_.forget();
+  if (planes_.size() <= kMost) return;
+  planes_.clear();
+  kept_.forget();
+}
+
 const ExactPlanes::Plane& ExactPlanes::plane(Index i) {
   if (!has_lattice_) find_lattice();
-  Plane& found = planes_[i];
-  if (found.is_known) return found;
+  const auto [place, is_new] = planes_.try_emplace(i);
+  Plane& found = place->second;
+  if (!is_new) return found;
   if (i >= rows_.size()) {
     const Index side = i - rows_.size();
-    found.n[side / 2] = keep(from_double(scratch_, side % 2 == 0 ? 1.0 : -1.0, 0));
-    found.s = keep(from_double(scratch_, 1.0, cube_exponent_ + shift_));
+    found.n[side / 2] = keep(from_double(scratch_, side % 2 == 0 ? 1.0 : -1.0, 0), kept_);
+    found.s = keep(from_double(scratch_, 1.0, cube_exponent_ + shift_), kept_);
   } else if (source_.corners(rows_[i], 0) < 0) {
     from_given(source_.given[-1 - source_.corners(rows_[i], 0)], found);
   } else {
     from_corners(source_.corners[rows_[i]], found);
   }
-  found.is_known = true;
   return found;
 }
 
@@ -74,10 +81,10 @@ void ExactPlanes::from_corners(const Index* corners, Plane& plane) {
   Wide slack;
   for (int k = 0; k < 3; ++k) {
     const int x = (k + 1) % 3, y = (k + 2) % 3;
-    plane.n[k] = keep(difference_of_products(scratch_, u[x], v[y], u[y], v[x]));
+    plane.n[k] = keep(difference_of_products(scratch_, u[x], v[y], u[y], v[x]), kept_);
     slack = sum(scratch_, slack, product(scratch_, plane.n[k], difference(scratch_, at[0][k], center_[k])));
   }
-  plane.s = keep(slack);
+  plane.s = keep(slack, kept_);
 }
 
 // n . x <= d times the power of two that makes n, and d in lattice units, integers.
@@ -89,10 +96,10 @@ void ExactPlanes::from_given(const double* row, Plane& plane) {
   if (row[3] != 0.0) up = std::max(up, -lowest_bit(row[3]) - shift_);
   Wide slack = from_double(scratch_, row[3], up + shift_);
   for (int k = 0; k < 3; ++k) {
-    plane.n[k] = keep(from_double(scratch_, row[k], up));
+    plane.n[k] = keep(from_double(scratch_, row[k], up), kept_);
     slack = difference(scratch_, slack, product(scratch_, plane.n[k], center_[k]));
   }
-  plane.s = keep(slack);
+  plane.s = keep(slack, kept_);
 }
 
 Wide ExactPlanes::determinant(const Wide& ab, const Wide& ac, const Wide& bc, const Wide& a, const Wide& b,
@@ -103,13 +110,12 @@ Wide ExactPlanes::determinant(const Wide& ab, const Wide& ac, const Wide& bc, co
 }
 
 int ExactPlanes::normals_sign(Index i, Index j, Index k) {
-  ++n_decided_;
   const Plane &a = plane(i), &b = plane(j), &c = plane(k);
   const auto minor = [&](const Plane& p, const Plane& q) {
     return difference_of_products(scratch_, p.n[0], q.n[1], p.n[1], q.n[0]);
   };
   const int sign = determinant(minor(a, b), minor(a, c), minor(b, c), a.n[2], b.n[2], c.n[2]).sign;
-  scratch_.forget();
+  forget();
   return sign;
 }
 
@@ -132,7 +138,6 @@ bool ExactPlanes::have_common_corner(Index i, Index j, Index k, Index l) const {
 
 int ExactPlanes::planes_sign(Index i, Index j, Index k, Index l) {
   if (have_common_corner(i, j, k, l)) return 0;
-  ++n_decided_;
   const Plane* rows[4] = {&plane(i), &plane(j), &plane(k), &plane(l)};
   Wide minors[4][4];
   for (int p = 0; p < 4; ++p) {
@@ -152,7 +157,7 @@ int ExactPlanes::planes_sign(Index i, Index j, Index k, Index l) {
     const Wide term = product(scratch_, cofactor, rows[r]->s);
     total = sum(scratch_, total, r % 2 == 1 ? term : -term);
   }
-  scratch_.forget();
+  forget();
   return total.sign;
 }
 
@@ -160,17 +165,21 @@ bool ExactPlanes::are_same(Index i, Index j) {
   const Plane &a = plane(i), &b = plane(j);
   bool same = true;
   for (int k = 0; k < 3 && same; ++k) same = difference_of_products(scratch_, a.n[k], b.s, b.n[k], a.s).sign == 0;
-  scratch_.forget();
+  forget();
   return same;
 }
 
-int ExactPlanes::slack_sign(Index i) { return plane(i).s.sign; }
+int ExactPlanes::slack_sign(Index i) {
+  const int sign = plane(i).s.sign;
+  forget();
+  return sign;
+}
 
 void ExactPlanes::dual(Index i, double scale, double* q) {
   const Plane& a = plane(i);
   const Rounded slack = rounded(a.s);
   for (int k = 0; k < 3; ++k) q[k] = scale * quotient(rounded(a.n[k]), slack, shift_);
-  scratch_.forget();
+  forget();
 }
 
 // Cramer's rule: the sum of s_i times the cross product of the other two normals, over the determinant.
@@ -188,7 +197,7 @@ void ExactPlanes::common_point(Index i, Index j, Index k, double scale, double* 
   }
   const Rounded determinant = rounded(below);
   for (int m = 0; m < 3; ++m) point[m] = quotient(rounded(top[m]), determinant, -shift_) / scale;
-  scratch_.forget();
+  forget();
 }
 
 }  // namespace voxkernel

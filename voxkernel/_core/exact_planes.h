@@ -1,7 +1,8 @@
 // Planes as integers, and the signs of determinants of them.
 #pragma once
 
-#include <vector>
+#include <cstdint>
+#include <unordered_map>
 
 #include "spans.h"
 #include "wide_integer.h"
@@ -20,11 +21,11 @@ struct PlaneSource {
 // Half-spaces n . y <= s as integers, y the exact distance from the centre in units of a lattice that holds all
 // corners.
 //
-// Planes are made when they are first asked for, and kept. Indices are positions in `rows`; the six after the last are
-// the sides of a cube about the centre, x, -x, y, -y, z, -z.
+// Planes are made when they are asked for, and some thousand of them kept. Indices are positions in `rows`; the six
+// after the last are the sides of a cube about the centre, x, -x, y, -y, z, -z.
 class ExactPlanes {
  public:
-  ExactPlanes(const PlaneSource& source, Indices rows, int cube_exponent);
+  ExactPlanes(const PlaneSource& source, Span<const std::int32_t> rows, int cube_exponent);
 
   // The sign of the determinant of three normals.
   int normals_sign(Index i, Index j, Index k);
@@ -39,31 +40,29 @@ class ExactPlanes {
   // The common point of three planes, from the centre, in units of `scale`; the same accuracy.
   void common_point(Index i, Index j, Index k, double scale, double* point);
 
-  Index n_decided() const { return n_decided_; }
-
  private:
   struct Plane {
     Wide n[3];
     Wide s;
-    bool is_known = false;
   };
+  static constexpr std::size_t kMost = 4096;
   void find_lattice();
   bool have_common_corner(Index i, Index j, Index k, Index l) const;
   const Plane& plane(Index i);
-  Wide keep(const Wide& value);
+  Wide keep(const Wide& value, LimbPool& pool);
+  void forget();
   void from_corners(const Index* corners, Plane& plane);
   void from_given(const double* row, Plane& plane);
   Wide determinant(const Wide& ab, const Wide& ac, const Wide& bc, const Wide& a, const Wide& b, const Wide& c);
 
   PlaneSource source_;
-  Indices rows_;
+  Span<const std::int32_t> rows_;
   int cube_exponent_;
   int shift_ = 0;  // every number used times 2**shift is an integer
   bool has_lattice_ = false;
   Wide center_[3];
-  std::vector<Plane> planes_;
-  LimbPool kept_, scratch_;
-  Index n_decided_ = 0;
+  std::unordered_map<Index, Plane> planes_;
+  LimbPool own_, kept_, scratch_;  // of the centre, of planes, of one answer
 };
 
 }  // namespace voxkernel

@@ -1,10 +1,12 @@
 #include "planes.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 
 #include "avx2.h"
+#include "workers.h"
 
 namespace voxkernel {
 namespace {
@@ -17,6 +19,8 @@ constexpr double kRoundEnough = 4.0;
 
 // Below this product of squared lengths the arithmetic underflows.
 constexpr double kTiny = 1e-270;
+
+constexpr Index kLeast = 1 << 14;  // vertices that are worth a thread
 
 bool equal(const double* a, const double* b) { return a[0] == b[0] && a[1] == b[1] && a[2] == b[2]; }
 
@@ -244,7 +248,7 @@ double least_spread(Points normals, Index step, Stop& stop) {
 
 // Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 // Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
-bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop) {
+bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop) {
   std::vector<Index> start(n_vertices + 1, 0);
   const auto each_edge = [&](auto&& visit) {
     for (Index i = 0; i < faces.size(); ++i) {
@@ -260,18 +264,22 @@ bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop) {
   std::vector<Index> position(start.begin(), start.end() - 1);
   std::vector<Index> keys(start[n_vertices]);
   each_edge([&](Index a, Index b) { keys[position[std::min(a, b)]++] = a < b ? 2 * b : 2 * a + 1; });
-  for (Index i = 0; i < n_vertices; ++i) {
-    const Index high = start[i + 1];
-    stop.poll(1 + high - start[i]);
-    std::sort(keys.begin() + start[i], keys.begin() + high);
-    for (Index j = start[i]; j < high;) {
-      const Index other = keys[j] >> 1;
-      Index balance = 0;
-      for (; j < high && (keys[j] >> 1) == other; ++j) balance += 1 - 2 * (keys[j] & 1);
-      if (balance != 0) return false;
+  std::vector<Index>().swap(position);
+  std::atomic<bool> is_balanced{true};
+  run_stretches(n_vertices, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    for (Index i = first; i < last && is_balanced.load(std::memory_order_relaxed); ++i) {
+      const Index high = start[i + 1];
+      own.poll(1 + high - start[i]);
+      std::sort(keys.begin() + start[i], keys.begin() + high);
+      for (Index j = start[i]; j < high;) {
+        const Index other = keys[j] >> 1;
+        Index balance = 0;
+        for (; j < high && (keys[j] >> 1) == other; ++j) balance += 1 - 2 * (keys[j] & 1);
+        if (balance != 0) is_balanced = false;
+      }
     }
-  }
-  return true;
+  });
+  return is_balanced;
 }
 
 }  // namespace voxkernel

@@ -27,6 +27,6 @@ Box coordinate_range(Points vertices, Triangles faces, Stop& stop);
 PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop);
 // A lower bound of the mean square of unit normals along any direction, of every `step`-th, up to rounding.
 double least_spread(Points normals, Index step, Stop& stop);
-bool boundary_is_zero(Triangles faces, Index n_vertices, Stop& stop);
+bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -1,6 +1,5 @@
 #include "polyhedron.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace voxkernel {
@@ -34,27 +33,6 @@ Moments moments(Points vertices, Indices start, Indices ring, Stop& stop) {
     for (int m = 0; m < k; ++m) sum.second[m][k] = sum.second[k][m];
   }
   return sum;
-}
-
-// The error of a plane at center + v is at most errors (|center| + |v| + 1); slack and products add less than
-// 8 u (|center| + |v| + 1).
-Misfit face_misfit(Points normals, Doubles offsets, Doubles errors, const double* center, Points vertices,
-                   Indices start, Indices ring, Indices rows) {
-  const auto dot = [](const double* u, const double* v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; };
-  Misfit misfit;
-  double error = 0.0, square = 0.0;
-  for (Index f = 0; f < rows.size(); ++f) {
-    const double* n = normals[rows[f]];
-    const double slack = offsets[rows[f]] - dot(n, center);
-    error = std::max(error, errors[rows[f]]);
-    for (Index j = start[f]; j < start[f + 1]; ++j) {
-      misfit.on_face = std::max(misfit.on_face, std::abs(dot(n, vertices[ring[j]]) - slack));
-    }
-  }
-  for (Index v = 0; v < vertices.size(); ++v) square = std::max(square, dot(vertices[v], vertices[v]));
-  misfit.extent = std::sqrt(square);
-  misfit.blur = (error + 8.0 * 0x1p-53) * (std::sqrt(dot(center, center)) + misfit.extent + 1.0);
-  return misfit;
 }
 
 // Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983).

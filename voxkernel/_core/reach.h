@@ -1,6 +1,7 @@
 // Which half-spaces the corners of a convex polyhedron come near or pass: the proof that the others cannot matter.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "spans.h"
@@ -11,30 +12,25 @@ namespace voxkernel {
 // The corners of a polyhedron in a tree of boxes, for the largest n . v over all of them.
 class CornerTree {
  public:
-  explicit CornerTree(Points corners);
+  CornerTree(Points corners, int threads, Stop& stop);
 
-  // The largest n . v where it is above `floor`; else a number that is not above `floor`.
-  double largest(const double* normal, double floor) const;
+  // Whether n . v is above `floor` for a corner v.
+  bool reaches(const double* normal, double floor) const;
 
  private:
   struct Node {
-    double low[3], high[3];
-    Index first, last;  // corners in leaves
-    Index skip;         // the node to go on with when nothing here counts
-    bool is_leaf;
+    float low[3], high[3];     // rounded outwards
+    std::int32_t first, last;  // corners in leaves
+    std::int32_t skip;         // the node to go on with when nothing here counts; the next one behind a leaf
   };
-  void build(Index first, Index last);
+  void build(Index first, Index last, std::vector<Node>& nodes, int threads, Stop& stop);
 
   std::vector<double> corners_;
   std::vector<Node> nodes_;
 };
 
-struct Reach {
-  std::vector<Index> rows;
-  std::vector<double> excess;  // the largest n . v - slack over the corners
-  std::vector<double> pads;    // what rounding may add to that
-};
-Reach planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center, Points corners,
-                      double margin, Stop& stop);
+// Rows of the planes that a corner reaches; of `among`, where that is not empty, only those where it is true.
+std::vector<Index> planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center,
+                                   Points corners, double margin, Span<const bool> among, int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -20,6 +20,7 @@ def edge_convexity_of(
     plane_corners: NDArray[np.int64],
     *,
     least: int = 1,
+    threads: int = 1,
 ) -> int:
     """Classify the edges of a surface: 2 all strictly convex, 1 convex or flat, 0 otherwise or less than `least`.
 
@@ -28,7 +29,7 @@ def edge_convexity_of(
     low, high, smallest = coordinate_range(vertices, faces)
     if max(np.abs(low).max(), np.abs(high).max()) > 2.0**300 or smallest < 2.0**-300:
         return 0
-    return edge_convexity(vertices, faces, face_planes, plane_corners, least)
+    return edge_convexity(vertices, faces, face_planes, plane_corners, least, threads)
 
 
 def is_locally_convex(mesh: TriangleMesh, halfspaces: HalfSpaces) -> bool:

@@ -54,7 +54,9 @@ class Polyhedron(NamedTuple):
         return 2.0 * self.error
 
 
-def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.int64]) -> Polyhedron | None:
+def polyhedron_around(
+    planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.int64], *, threads: int = 1
+) -> Polyhedron | None:
     """Intersect some of the half-spaces, given by ascending rows, about a point strictly inside; None if unbounded.
 
     Notes
@@ -65,10 +67,10 @@ def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.in
     """
     exponent = frexp(planes.scale)[1] - 1
     for cube in _CUBES:
-        is_inside, is_closed, vertices, vertex_rows, error, start, ring, faces, _ = dual_hull(
+        is_inside, is_closed, vertices, vertex_rows, error, start, ring, faces = dual_hull(
             planes.local_normals, planes.local_offsets, planes.local_errors, point.local, point.error, planes.scale,
             planes.vertices, planes.corner_ids(), planes.given_planes(), point.terms, planes.is_cone, rows,
-            exponent + cube,
+            exponent + cube, threads,
         )  # fmt: skip
         if not is_inside:
             raise SolverError("the inner point lies on a half-space or outside")
@@ -77,7 +79,7 @@ def polyhedron_around(planes: HalfSpaces, point: InnerPoint, rows: NDArray[np.in
     return None
 
 
-def convex_surface(planes: HalfSpaces, point: InnerPoint) -> Polyhedron | None:
+def convex_surface(planes: HalfSpaces, point: InnerPoint, *, threads: int = 1) -> Polyhedron | None:
     """Take a strictly convex closed triangle surface as its own kernel, decided exactly; None for any other.
 
     All edges strictly convex and the solid angle of one turn around `point` make it convex; then
@@ -86,7 +88,7 @@ def convex_surface(planes: HalfSpaces, point: InnerPoint) -> Polyhedron | None:
     faces = planes.corner_ids()
     if not (planes.is_triangulation and planes.bounds_volume):
         return None
-    if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces, least=2) < 2:
+    if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces, least=2, threads=threads) < 2:
         return None
     used = np.zeros(len(planes.vertices), np.bool_)
     used[faces.ravel()] = True
@@ -108,7 +110,9 @@ def _three_faces(ring: NDArray[np.int64], n_vertices: int) -> NDArray[np.int64]:
     return np.stack([order[first], order[first + counts // 2], order[first + counts - 1]], axis=1) // 3
 
 
-def relevant_rows(planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np.int64]) -> NDArray[np.int64]:
+def relevant_rows(
+    planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np.int64], *, threads: int = 1
+) -> NDArray[np.int64]:
     """List the half-spaces that may bound the kernel around a point inside it.
 
     The tightest plane of each direction, seen from the point, gives an outer polyhedron; a plane that
@@ -117,12 +121,12 @@ def relevant_rows(planes: HalfSpaces, point: InnerPoint, working_set: NDArray[np
     n = len(planes)
     if n <= _CULL_ABOVE:
         return np.arange(n)
-    tight = np.unique(np.concatenate([tightest_planes(planes, point.local), working_set]))
+    tight = np.unique(np.concatenate([tightest_planes(planes, point.local, threads=threads), working_set]))
     outer = polyhedron_around(planes, point, tight)
     if outer is None:
         return np.arange(n)
     is_near = np.zeros(n, np.bool_)
     is_near[outer.rows] = True
     margin = 1e-9 * outer.extent + outer.reach
-    is_near[reaching_planes(planes, outer.center, outer.vertices, margin=margin)[0]] = True
+    is_near[reaching_planes(planes, outer.center, outer.vertices, margin=margin, threads=threads)] = True
     return np.flatnonzero(is_near)

@@ -73,11 +73,12 @@ def exact_kernel(
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    found = surface_argument(surface, facets, threads=as_depth("threads", threads, 1, 256))
-    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT))
+    count = as_depth("threads", threads, 1, 256)
+    found = surface_argument(surface, facets, threads=count)
+    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=count)
 
 
-def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> KernelPolytope:
+def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threads: int = 1) -> KernelPolytope:
     """Compute the kernel of half-spaces inside a domain (None: everywhere)."""
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
@@ -92,7 +93,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
             _proof=proof,
             _unclipped_proof=proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False),
         )
-    shape = _solid_shape(planes, inside) if inside.dimension == 3 else flat_shape(planes, inside)
+    shape = _solid_shape(planes, inside, threads) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
@@ -121,18 +122,18 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None) -> Kerne
     )
 
 
-def _solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
+def _solid_shape(planes: HalfSpaces, inside: Feasibility, threads: int) -> Shape | None:
     """Merge coplanar facets first where a sample says that sides are flat: then few planes are left to decide about."""
     if len(planes) < 2 * _SAMPLE:
-        return solid_shape(planes, inside)
+        return solid_shape(planes, inside, threads=threads)
     sample = np.arange(0, len(planes), len(planes) // _SAMPLE)
     if 2 * len(planes.first_of_planes(sample)) > len(sample):
-        return solid_shape(planes, inside)
-    groups = planes.coplanar_groups()
+        return solid_shape(planes, inside, threads=threads)
+    groups = planes.coplanar_groups(threads=threads)
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     working_set = np.unique(np.searchsorted(heads, groups[inside.working_set]))
     merged = replace(planes.select(heads), bounds_volume=planes.bounds_volume)
-    shape = solid_shape(merged, replace(inside, working_set=working_set))
+    shape = solid_shape(merged, replace(inside, working_set=working_set), threads=threads)
     return None if shape is None else shape._replace(rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
 
 

@@ -22,7 +22,7 @@ from voxkernel.exact.inner_point import inner_point
 from voxkernel.exact.meeting_points import RationalPoint, meeting_points
 from voxkernel.exact.rational_kernel import rational_kernel, rational_moments
 from voxkernel.halfspaces import Feasibility, HalfSpaces
-from voxkernel.halfspaces.plane_passes import reaching_planes
+from voxkernel.halfspaces.plane_passes import largest_heights, reaching_planes
 from voxkernel.halfspaces.rational_program import deepest_rational_point
 
 __all__ = ["Shape", "flat_shape", "solid_shape"]
@@ -65,24 +65,24 @@ class Shape(NamedTuple):
     is_accurate: bool
 
 
-def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
+def solid_shape(planes: HalfSpaces, inside: Feasibility, *, threads: int = 1) -> Shape | None:
     """Find corners and faces of a solid, exactly; None where it is unbounded.
 
     Rows that seem not to matter are left out, and the corners found are held against all half-spaces:
     whoever objects is put back, until nobody does.
     """
     point = inner_point(planes, inside)
-    rows = relevant_rows(planes, point, inside.working_set)
+    rows = relevant_rows(planes, point, inside.working_set, threads=threads)
     if 2 * len(rows) > len(planes) > _SMALL:
-        convex = convex_surface(planes, point)
+        convex = convex_surface(planes, point, threads=threads)
         if convex is not None:
             shape = _float_shape(planes, convex, inside)
             if shape.is_accurate:
                 return shape
     while True:
-        solid = polyhedron_around(planes, point, rows)
+        solid = polyhedron_around(planes, point, rows, threads=threads)
         if solid is not None:
-            missing = _missing_rows(planes, solid, rows)
+            missing = _missing_rows(planes, solid, rows, threads)
             if not len(missing):
                 break
             rows = np.sort(np.concatenate([rows, missing]))
@@ -94,17 +94,17 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     return shape if shape.is_accurate else _exact_shape(planes, solid, shape)
 
 
-def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _missing_rows(
+    planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64], threads: int
+) -> NDArray[np.int64]:
     """List the half-spaces left out that are not clear of all corners."""
     if len(rows) == len(planes):
         return rows[:0]
     is_out = np.ones(len(planes), np.bool_)
     is_out[rows] = False
-    out = np.flatnonzero(is_out)
-    if 2 * len(out) > len(planes):
-        near = reaching_planes(planes, solid.center, solid.vertices, margin=solid.reach)[0]
-        return near[is_out[near]]
-    return out[reaching_planes(planes.select(out), solid.center, solid.vertices, margin=solid.reach)[0]]
+    return reaching_planes(
+        planes, solid.center, solid.vertices, margin=solid.reach, among=is_out, threads=threads
+    )
 
 
 def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> Shape:
@@ -206,7 +206,8 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         while after[ring[-1]] != ring[0]:
             ring.append(after[ring[-1]])
         rows = [inside.witnesses[-1].ids[0]]
-    residual = float(np.max(planes.local_normals @ vertices.T - planes.local_offsets[:, None], initial=0.0))
+    near = reaching_planes(planes, np.zeros(3), vertices)  # of the others no corner is outside
+    residual = max(0.0, float(largest_heights(planes, near, vertices).max(initial=0.0)))
     return Shape(
         vertices=planes.to_world(vertices),
         face_starts=np.array([0, len(ring)] if ring else [0], np.int64),

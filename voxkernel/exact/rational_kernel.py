@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from voxkernel.exact.meeting_points import RationalPoint
 from voxkernel.exact.rational_clipping import RationalPolytope, clip_interval, clip_polygon
 from voxkernel.halfspaces import Feasibility, HalfSpaces
-from voxkernel.halfspaces.plane_passes import tightest_planes
+from voxkernel.halfspaces.plane_passes import largest_heights, reaching_planes, tightest_planes
 from voxkernel.halfspaces.predicates import exact_slacks
 
 __all__ = ["RationalKernel", "rational_kernel", "rational_moments"]
@@ -97,14 +97,13 @@ def _cutting_rows(
 ) -> NDArray[np.int64]:
     """List half-spaces that some corner violates, exactly, but for the known ones; the worst few per round."""
     local = np.array([planes.from_lattice(c) for c in corners])
-    low, high = local.min(axis=0), local.max(axis=0)
-    center, half = 0.5 * (low + high), 0.5 * (high - low)
-    error = planes.local_errors * (np.abs(local).max() * 2 + 1) + 16 * 2.0**-53 * (1 + np.abs(local).max())
-    support = planes.local_normals @ center + np.abs(planes.local_normals) @ half
-    ids = np.setdiff1d(np.flatnonzero(support - planes.local_offsets >= -error), known)
-    excess = (planes.local_normals[ids] @ local.T).max(axis=1) - planes.local_offsets[ids]
+    size = float(np.abs(local).max())
+    rounding = 16 * 2.0**-53 * (1 + size)
+    ids = np.setdiff1d(reaching_planes(planes, np.zeros(3), local, margin=rounding), known)
+    excess = largest_heights(planes, ids, local)
+    is_near = excess >= -(planes.local_errors[ids] * (2 * size + 1) + rounding)
+    ids, excess = ids[is_near], excess[is_near]
     cutting: list[int] = []
-    ids, excess = ids[excess >= -error[ids]], excess[excess >= -error[ids]]
     for i in ids[np.argsort(-excess, kind="stable")]:
         if any(exact_slacks(planes, [i], c)[0] < 0 for c in corners):
             cutting.append(int(i))

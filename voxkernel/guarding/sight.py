@@ -21,6 +21,7 @@ from voxkernel.mesh.zero_area import is_degenerate
 __all__ = ["Sight", "Spots", "look_at", "turns_around"]
 
 Side = Literal["inside", "outside"]
+_MOST = 1 << 19  # products held at a time
 _SMALLEST = 2.0**-300  # the exact predicates want coordinates of 0, or of this to its inverse
 
 
@@ -153,7 +154,12 @@ class Sight(Frozen):
         """Which points are where guards may be: inside, outside, or in the domain of an open surface."""
         if self.planes is not None:
             normals, offsets = self.planes
-            return np.asarray(np.all(points @ normals.T <= offsets, axis=1), np.bool_)
+            inside = np.ones(len(points), np.bool_)
+            step = max(1, _MOST // max(1, len(points)))
+            for first in range(0, len(offsets), step):
+                rows = slice(first, first + step)
+                inside &= np.all(points @ normals[rows].T <= offsets[rows], axis=1)
+            return inside
         windings = np.empty(len(points), np.int64)
         winding_numbers(self.tree, np.ascontiguousarray(points), windings)
         # The turned faces of a surface that is looked at from outside go around backwards.

@@ -140,7 +140,7 @@ class HalfSpaces(Frozen):
             return facet_planes(vertices, corners[rows], origin, 1.0 / scale, *arrays)
 
         undecided = sum(run_parts(fill, stretches(n, threads), threads))
-        bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
+        bounds_volume = boundary_is_zero(mesh.faces, len(vertices), threads)
         if undecided:
             frame = (origin, scale, bits)
             for i in np.flatnonzero(errors == -1.0):
@@ -337,14 +337,14 @@ class HalfSpaces(Frozen):
             _explicit=read_only(explicit),
         )
 
-    def coplanar_groups(self) -> NDArray[np.int64]:
+    def coplanar_groups(self, *, threads: int = 1) -> NDArray[np.int64]:
         """Name for each half-space the first exactly coplanar one that faces the same way, (n,).
 
         Every pair is found, facets and explicit half-spaces alike, but for two things: where a number in use is
         beyond 2**-300 .. 2**300 nothing is grouped, and in a cone no facet is with an explicit half-space.
         Merging saves work, no answer depends on it.
         """
-        return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone)
+        return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, threads)
 
     def first_of_planes(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of ascending rows, the first on each plane, as `coplanar_groups` finds them."""

@@ -9,7 +9,9 @@ from voxkernel._core import N_BINS, StopFlag, planes_reaching, tightest_by_direc
 from voxkernel._threads import run_parts, stretches
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 
-__all__ = ["reaching_planes", "tightest_planes"]
+__all__ = ["largest_heights", "reaching_planes", "tightest_planes"]
+
+_MOST = 1 << 17  # products held at a time
 
 
 def tightest_planes(planes: HalfSpaces, point: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
@@ -36,17 +38,21 @@ def reaching_planes(
     corners: NDArray[np.float64],
     *,
     margin: float = 0.0,
+    among: NDArray[np.bool_] | None = None,
     threads: int = 1,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """List planes not clear of local corners about a centre, how far those pass each, and what rounding may add."""
+) -> NDArray[np.int64]:
+    """List planes, of all or of those where the mask `among` is true, not clear of local corners about a centre."""
+    chosen = np.empty(0, np.bool_) if among is None else among
+    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
+    return planes_reaching(*arrays, center, corners, margin, chosen, threads)
 
-    def part(rows: slice, _: StopFlag) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        arrays = planes.local_normals[rows], planes.local_offsets[rows], planes.local_errors[rows]
-        ids, excess, pads = planes_reaching(*arrays, center, corners, margin)
-        return ids + rows.start, excess, pads
 
-    found = run_parts(part, stretches(len(planes), threads), threads)
-    if len(found) == 1:
-        return found[0]
-    ids, excess, pads = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return ids, excess, pads
+def largest_heights(planes: HalfSpaces, ids: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the largest n . x - d over local points of each of some half-spaces, a block of them at a time."""
+    found = np.empty(len(ids))
+    step = max(1, _MOST // max(1, len(points)))
+    for first in range(0, len(ids), step):
+        rows = ids[first : first + step]
+        products = planes.local_normals[rows] @ points.T
+        found[first : first + step] = products.max(axis=1) - planes.local_offsets[rows]
+    return found

@@ -17,6 +17,7 @@ from voxkernel.spherical.search_region import N_SPREAD, Field, Region, climb
 __all__ = ["CoverageCertificate", "coverage_optimum", "distortion_optimum"]
 
 _N_BEST = 16
+_BLOCK = 1 << 13  # planes whose products with all rays are held at a time
 # Where a kernel touches the boundary curve the solid angle jumps: stay this share of the way inside.
 _PULLED_IN = 1e-6
 _OFF_RIM = 1e-3  # of the kernel's size
@@ -203,7 +204,8 @@ def _largest_curvature(bend: NDArray[np.float64], loose: NDArray[np.float64]) ->
         return float(np.linalg.eigvalsh(bend)[-1])
     turn = np.pi * np.arange(720) / 360.0
     rays = np.array([[1.0], [-1.0]]) if n == 1 else np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    rays = rays[(rays @ loose.T <= 1e-12).all(axis=1)]
+    for first in range(0, len(loose), _BLOCK):
+        rays = rays[(rays @ loose[first : first + _BLOCK].T <= 1e-12).all(axis=1)]
     return float(np.einsum("ij,jk,ik->i", rays, bend, rays).max(initial=-np.inf))
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import clipped_polyhedron, planes_reaching
+from voxkernel.exact.dual_hull import polyhedron_around
+from voxkernel.exact.inner_point import inner_point
 from voxkernel.halfspaces import Feasibility, HalfSpaces
-from voxkernel.halfspaces.plane_passes import tightest_planes
+from voxkernel.halfspaces.plane_passes import reaching_planes, tightest_planes
 
 __all__ = ["rows_for_voxels"]
 
 _CULL_ABOVE = 1000
-_FAR = 8.0  # half the cube that closes what is open, in local units: every corner of the surface is within 1
 
 
 def rows_for_voxels(
@@ -45,21 +47,21 @@ def rows_for_voxels(
     more than its pad takes none from the inside.
     """
     everything = np.arange(len(planes))
-    point, radius = inside.local_point, 0.999 * inside.clearance
-    if inside.dimension < 3 or point is None or not radius > 0.0 or len(planes) <= _CULL_ABOVE:
+    radius = 0.999 * inside.clearance
+    if inside.dimension < 3 or not radius > 0.0 or len(planes) <= _CULL_ABOVE:
         return everything
     beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
-    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-    tight = np.unique(np.concatenate([tightest_planes(planes, point), inside.working_set]))
-    distances = planes.local_offsets[tight] - planes.local_normals[tight] @ point
-    outer, *_, is_closed, is_sound = clipped_polyhedron(planes.local_normals[tight], distances, _FAR)
-    if not (is_closed and is_sound):
+    point = inner_point(planes, inside)
+    tight = np.unique(np.concatenate([tightest_planes(planes, point.local), inside.working_set]))
+    outer = polyhedron_around(planes, point, tight)
+    if outer is None:
         return everything
     # The corners are rounded, by far less than the margin.
-    margin = 1e-9 * float(np.abs(outer).max()) + 2.0 * pad
+    margin = 1e-9 * outer.extent + outer.reach + 2.0 * pad
     is_near = np.zeros(len(planes), np.bool_)
     is_near[tight] = True
-    is_near[planes_reaching(*arrays, point, outer, margin)[0]] = True
-    farther = arrays[0], arrays[1] + 0.5 * voxel * reach, arrays[2]
-    is_near[planes_reaching(*farther, point, outer * (1.0 + beyond / radius), margin)[0]] = True
+    is_near[reaching_planes(planes, point.local, outer.vertices, margin=margin)] = True
+    farther = replace(planes, local_offsets=planes.local_offsets + 0.5 * voxel * reach)
+    blown_up = outer.vertices * (1.0 + beyond / radius)
+    is_near[reaching_planes(farther, point.local, blown_up, margin=margin, among=~is_near)] = True
     return np.flatnonzero(is_near)

@@ -111,7 +111,7 @@ addEventListener("afterprint", () => draw());
 
 // ---------------------------------------------------------------- filter and sort
 const search = byId("search"), outcome = byId("outcome"), label = byId("label"), sort = byId("kind");
-const oneWord = (words) => words.replace(/\b(object|cell)\s+(\d+)/g, "$1_$2."); // "object 2" is neither 21 nor a 2 elsewhere
+const oneWord = (words) => words.replace(/\b(object|cell)\s+(\d+)/gi, "$1_$2."); // "object 2" is neither 21 nor a 2 elsewhere
 sort.closest("label").hidden = !data.kinds.length;
 // Several kinds are not listed together: surfaces come first, the others on request.
 if (data.kinds.includes("surface")) sort.value = "surface";
