@@ -13,7 +13,7 @@ from voxkernel.guarding.bound import guard_bound
 from voxkernel.guarding.certificate import middles_of
 from voxkernel.guarding.clock import Clock, GuardsProgress
 from voxkernel.guarding.cover import Cover
-from voxkernel.guarding.measuring import CONFIDENCE, FRESH, Confirmed, measure
+from voxkernel.guarding.measuring import CONFIDENCE, FRESH, Confirmed, Measured, measure
 from voxkernel.guarding.result import Guards
 from voxkernel.guarding.sight import Sight, look_at
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
@@ -140,15 +140,17 @@ def guards(
             away = float(np.ldexp(as_positive("distance", distance), -sight.exponent))
     search, fresh = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
     covers: dict[int, Cover] = {}
-    for margin in (0.0, _MARGIN):
+
+    def attempt(margin: float) -> tuple[_Found, Measured, bool]:
         found = _searched(sight, argument, share, most, given, away, search, clock, covers, margin)
         measured = measure(sight, found.points, fresh, clock)
-        reason = found.reason
-        is_reached = measured.bounds[0] >= share or (
-            measured.seen == 1.0 and measured.n_samples == FRESH and not reason
-        )
-        if is_reached or reason or clock.is_over:
-            break
+        is_all = measured.seen == 1.0 and measured.n_samples == FRESH and not found.reason
+        return found, measured, measured.bounds[0] >= share or is_all
+
+    found, measured, is_reached = attempt(0.0)
+    if not (is_reached or found.reason or clock.is_over):
+        found, measured, is_reached = attempt(_MARGIN)
+    reason = found.reason
     if not is_reached and not reason:
         reason = f"the {measured.n_samples:,} fresh samples do not confirm it: {measured.seen:.6g} are seen"
     result = Guards(
