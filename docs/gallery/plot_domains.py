@@ -30,7 +30,7 @@ def picture(mesh, domain, share, view, distance, path):
     hull = pyvista.PolyData(domain.vertices).delaunay_3d().extract_surface(algorithm=None)
     plotter.add_mesh(hull, color="#c8c8c8", opacity=0.12)
     plotter.add_mesh(hull.extract_feature_edges(4), color="#8a8a8a", line_width=1, opacity=0.5)
-    plotter.add_mesh(polydata(grid.to_mesh()), color="#d9772b")
+    plotter.add_mesh(polydata(grid.to_mesh()), color="#a34a9c")
     text = f"domain: {domain.kind}, kernel at a tolerance of {100 * share:.0f} % of the area"
     plotter.add_text(text, font_size=11, color="#222222", position="upper_left")
     middle, radius = domain.vertices.mean(axis=0), np.linalg.norm(edge, axis=1).max()

@@ -36,7 +36,7 @@ for grid in grids:
     plotter = pyvista.Plotter(off_screen=True, window_size=(760, 620))
     plotter.set_background("white")
     plotter.add_mesh(mesh.to_polydata(), color="#7fb0e6", opacity=0.28, smooth_shading=True)
-    plotter.add_mesh(grid.to_mesh().to_polydata(), color="#ff7a14", ambient=0.3, specular=0.2)
+    plotter.add_mesh(grid.to_mesh().to_polydata(), color="#a34a9c", ambient=0.3, specular=0.2)
     plotter.view_vector((0.25, -0.5, 1.0), (0, 1, 0))
     plotter.camera.zoom(1.35)
     plotter.enable_anti_aliasing("ssaa")
@@ -50,7 +50,7 @@ for panel, grid, view in zip(axes.flat, grids, views, strict=False):
     panel.axis("off")
 last = axes[1, 2]
 lower, upper = profile.volume_share_bounds.T
-last.fill_between(profile.tolerances, lower, upper, color="#ff7a14", alpha=0.5)
+last.fill_between(profile.tolerances, lower, upper, color="#a34a9c", alpha=0.5)
 last.axvline(high, color="0.5", lw=0.8, ls="--")
 last.set(xlabel="alpha", title="volume, share of the hull (certain bounds)", xlim=(0, 0.5), ylim=(0, 1))
 last.grid(alpha=0.3)

@@ -52,6 +52,7 @@ def said(capsys, *words):
         ("k.npz: `path` must hold a kernel grid", "'k.npz' must hold a kernel grid"),
         ("`run` must be the output of an evaluation; got 'x', which does not exist", "'x' does not exist"),
         ("turn them: repair(mesh, orient=True)", "turn them: `voxkernel repair MESH --orient -o out.ply`"),
+        ("the extra `mesh` brings it: `pip install`", "the extra `mesh` brings it: `pip install`"),
         ("`of_no_option` must be 1; got 2", "`of_no_option` must be 1; got 2"),
     ],
 )

@@ -64,7 +64,7 @@ def spoken(text: str, names: Mapping[str, str]) -> str:
         if found:
             return found.expand(said)
     text = _REPAIR.sub(lambda m: f"`voxkernel repair MESH --{m['option'].replace('_', '-')} -o out.ply`", text)
-    return re.sub(r"`(\w+)`", lambda m: names.get(m[1], m[0]), text)
+    return re.sub(r"`(\w+)`(?! brings it)", lambda m: names.get(m[1], m[0]), text)
 
 
 def did_you_mean(text: str, options: Iterable[str] = ()) -> str:
