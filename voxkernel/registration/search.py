@@ -15,16 +15,17 @@ from voxkernel.measures import KernelMoments
 from voxkernel.registration.icp import icp
 from voxkernel.registration.prepare import PreparedSurface, Samples
 
-__all__ = ["Guess", "ScoredCloud", "frame_transforms", "inverse", "pair_score", "rotation_angle_deg", "search"]
+__all__ = [
+    "Guess", "ScoredCloud", "add_guesses", "frame_transforms", "inverse", "kernel_guesses", "net_guesses",
+    "pair_score", "rotation_angle_deg", "tried",
+]  # fmt: skip
 
 _SAME_DEG = 10.0  # guesses nearer than this lead to the same place
 _MANY = 24  # guesses after which they must be farther apart
 _NEAR = 1 / 15  # of the diagonal: pairs farther apart count as nothing when guesses are scored
 _FAR = 1 / 8
 _STEPS = 15
-_MOST_MORE = 16  # of the guesses that do not come from kernels
 _FACING = 0.5  # cosine between normals of a pair that counts
-_CLEAR = 0.7  # a score below which more rotations are tried
 _EQUAL_AXES = 0.1  # axes whose spreads differ by less than this share can be exchanged
 
 
@@ -133,15 +134,17 @@ def _motion(rotation: NDArray[np.float64], start: NDArray[np.float64], end: NDAr
     return motion
 
 
-def guesses_of(source: PreparedSurface, target: PreparedSurface) -> list[Guess]:
-    """Collect the guesses of all kernels, without those that come close to one already there."""
+def kernel_guesses(
+    margins: tuple[float, ...], source: tuple[KernelMoments, ...], target: tuple[KernelMoments, ...], origin: str
+) -> list[Guess]:
+    """Collect the guesses of kernels, margin by margin, without those that come close to one already there."""
     kept: list[Guess] = []
-    for margin, one, two in zip(source.margins, source.moments, target.moments, strict=True):
-        _add(kept, [Guess(t, "kernel", margin, t) for t in frame_transforms(one, two)])
+    for margin, one, two in zip(margins, source, target, strict=False):
+        add_guesses(kept, [Guess(t, origin, margin, t) for t in frame_transforms(one, two)])
     return kept
 
 
-def _fallback(source: PreparedSurface, target: PreparedSurface, kept: list[Guess]) -> list[Guess]:
+def net_guesses(source: PreparedSurface, target: PreparedSurface, kept: list[Guess]) -> list[Guess]:
     """Give more guesses: the frames of the surfaces, then a net of rotations about the kernels' centroids."""
     more: list[Guess] = []
     for a, b in product((1.0, -1.0), repeat=2):
@@ -152,26 +155,18 @@ def _fallback(source: PreparedSurface, target: PreparedSurface, kept: list[Guess
     return [g for g in more if all(rotation_angle_deg(g.transform, k.transform) > 2 * _SAME_DEG for k in kept)]
 
 
-def _add(kept: list[Guess], more: list[Guess]) -> None:
+def add_guesses(kept: list[Guess], more: list[Guess]) -> None:
+    """Add guesses that are not close to one already there."""
     apart = _SAME_DEG if len(kept) < _MANY else 3.0 * _SAME_DEG
     for guess in more:
         if all(rotation_angle_deg(guess.transform, k.transform) > apart for k in kept):
             kept.append(guess)
 
 
-def search(source: PreparedSurface, target: PreparedSurface, scale: float) -> list[Guess]:
-    """Move every guess by a short ICP on few samples, score it, and sort the best first.
-
-    More rotations are tried only where no guess of the kernels fits clearly.
-    """
-    clouds = ScoredCloud(source.coarse, scale), ScoredCloud(target.coarse, scale)
-    first = guesses_of(source, target)
-    tried = [_tried(_scored(g, clouds, scale), clouds, scale) for g in first]
-    if not tried or max(g.moved_score for g in tried) < _CLEAR:
-        more = [_scored(g, clouds, scale) for g in _fallback(source, target, first)]
-        more.sort(key=lambda g: -g.score)
-        tried += [_tried(g, clouds, scale) for g in more[:_MOST_MORE]]
-    return sorted(tried, key=lambda g: -g.moved_score)
+def tried(guesses: list[Guess], clouds: tuple[ScoredCloud, ScoredCloud], scale: float, most: int) -> list[Guess]:
+    """Score guesses, move the best by a short ICP on few samples, and sort them, the best first."""
+    scored = sorted((_scored(g, clouds, scale) for g in guesses), key=lambda g: -g.score)
+    return sorted((_tried(g, clouds, scale) for g in scored[:most]), key=lambda g: -g.moved_score)
 
 
 def _scored(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) -> Guess:
