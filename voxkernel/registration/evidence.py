@@ -21,6 +21,7 @@ class Fit(NamedTuple):
     """Samples of both surfaces under a motion: offsets, areas, which are explained and which contradict."""
 
     rank: float
+    distances: tuple[NDArray[np.float64], NDArray[np.float64]]
     offsets: tuple[NDArray[np.float64], NDArray[np.float64]]
     cosines: tuple[NDArray[np.float64], NDArray[np.float64]]
     explained: tuple[NDArray[np.bool_], NDArray[np.bool_]]
@@ -59,8 +60,7 @@ def fit_of(source: Side, target: Side, motion: NDArray[np.float64], reach: float
         for side, (d, _, _, e, c) in zip((source, target), halves, strict=True)
     )
     rank = worth / (2.0 * min(source.area, target.area) or 1.0)
-    _, offsets, cosines, explained, contradicted = zip(*halves, strict=True)
-    return Fit(rank, offsets, cosines, explained, contradicted)
+    return Fit(rank, *zip(*halves, strict=True))
 
 
 def _half(

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d
-from voxkernel.registration.prepare import PreparedSurface
+from voxkernel.registration.icp import laid
+from voxkernel.registration.prepare import PreparedSurface, samples_of
+from voxkernel.registration.rounding import on_grid
 from voxkernel.registration.search import rotation_angle_deg
 
 __all__ = ["FeaturePoints", "feature_motions", "feature_points"]
 
+_SAMPLES = 8000
 _NEIGHBOURS = 100
 _MOST_POINTS = 2500
 _MOST_MATCHES = 1400
@@ -38,12 +40,12 @@ class FeaturePoints(Frozen):
     features: NDArray[np.float32]
 
 
-def feature_points(surface: PreparedSurface, spacing: float, radius: float) -> FeaturePoints:
-    """Thin the samples of a surface to one a cell and describe each by its neighbours within `radius`."""
+def feature_points(surface: PreparedSurface, scale: float, spacing: float, radius: float) -> FeaturePoints:
+    """Thin samples of a surface, in units of `scale`, to one a cell and describe each by what is within `radius`."""
     library = open3d()
-    dense = surface.dense
-    cloud = library.geometry.PointCloud(library.utility.Vector3dVector(dense.points.copy()))
-    cloud.normals = library.utility.Vector3dVector(dense.normals.copy())
+    dense = samples_of(surface.smooth, surface.skin.faces, _SAMPLES)
+    cloud = library.geometry.PointCloud(library.utility.Vector3dVector(on_grid(dense.points / scale)))
+    cloud.normals = library.utility.Vector3dVector(on_grid(dense.normals))
     thin = cloud.voxel_down_sample(spacing)
     thin.normalize_normals()
     if len(thin.points) > _MOST_POINTS:
@@ -78,7 +80,7 @@ def feature_motions(one: FeaturePoints, two: FeaturePoints, spacing: float, most
     group = np.argsort(-support[seeds], axis=1, kind="stable")[:, :_GROUP]
     weights = np.take_along_axis(support[seeds], group, axis=1)
     weights[:, 0] = np.maximum(weights[:, 0], 1e-6)
-    motions = _kabsch(p[group], q[group], weights)
+    motions = laid(p[group], q[group], weights)
     moved = np.einsum("kij,nj->kni", motions[:, :3, :3], p) + motions[:, None, :3, 3]
     holds = (np.linalg.norm(moved - q, axis=2) < _NEAR * spacing) & (
         np.einsum("kij,nj,ni->kn", motions[:, :3, :3], n, m) > 0.7
@@ -89,7 +91,7 @@ def feature_motions(one: FeaturePoints, two: FeaturePoints, spacing: float, most
         inside = holds[k]
         if inside.sum() < 3:
             break
-        motion = _kabsch(p[None, inside], q[None, inside], np.ones((1, int(inside.sum()))))[0]
+        motion = laid(p[None, inside], q[None, inside], np.ones((1, int(inside.sum()))))[0]
         if all(_apart(motion, other, middle, spacing) for other in kept):
             kept.append(motion)
         if len(kept) == most:
@@ -139,17 +141,3 @@ def _compatible(
     aside = np.abs(one[1] - two[1]) < tolerance
     agree &= aside & aside.T & (np.abs(one[2] - two[2]) < 1.5 * _TURN)
     return agree.astype(np.float32)
-
-
-def _kabsch(p: NDArray[np.float64], q: NDArray[np.float64], weights: NDArray[Any]) -> NDArray[np.float64]:
-    """Rigid motions (k, 4, 4) that lay weighted points (k, n, 3) on their partners."""
-    share = (weights / weights.sum(axis=1, keepdims=True))[:, :, None]
-    start, end = (share * p).sum(axis=1), (share * q).sum(axis=1)
-    cross = np.einsum("kni,knj->kij", share * (p - start[:, None]), q - end[:, None])
-    u, _, vt = np.linalg.svd(cross)
-    v = vt.transpose(0, 2, 1).copy()
-    v[:, :, 2] *= np.sign(np.linalg.det(v @ u.transpose(0, 2, 1)))[:, None]
-    motions = np.tile(np.eye(4), (len(p), 1, 1))
-    motions[:, :3, :3] = v @ u.transpose(0, 2, 1)
-    motions[:, :3, 3] = end - np.einsum("kij,kj->ki", motions[:, :3, :3], start)
-    return motions

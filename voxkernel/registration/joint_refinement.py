@@ -41,10 +41,11 @@ class Refinement(Frozen):
 class _Cloud:
     """Samples of a scan in its own frame, in units of the common size, with a search tree."""
 
-    def __init__(self, surface: PreparedSurface, size: float, samples: int) -> None:
+    def __init__(self, surface: PreparedSurface, size: float, samples: int, most: int | None) -> None:
         from scipy.spatial import KDTree
 
-        points, normals = surface.fine.points / size, surface.fine.normals
+        step = 1 if most is None else max(1, len(surface.fine.points) // most)
+        points, normals = surface.fine.points[::step] / size, surface.fine.normals[::step]
         self.points, self.normals, self.tree = points, normals, KDTree(points)
         shown = np.linspace(0, len(points) - 1, min(samples, len(points))).astype(np.int64)
         self.few, self.few_normals = points[shown], normals[shown]
@@ -61,16 +62,17 @@ class _Pull(Frozen):
 
 
 def refined_together(
-    surfaces: list[PreparedSurface], poses: NDArray[np.float64], size: float, *, quick: bool = False
-) -> Refinement:
+    surfaces: list[PreparedSurface], poses: NDArray[np.float64], size: float, *, quick: bool = False,
+    most_points: int | None = None,
+) -> Refinement:  # fmt: skip
     """Let all scans that overlap pull at each other; never worse than what is given.
 
     The residual is the distance of a sample of one scan from the tangent plane at the next point of another, at most
     the reach, where the two face the same way and are within reach; other samples count the reach. Its mean square
     over all pairs falls from step to step, or the step is not taken. `poses` map local frames into that of the first.
-    `quick` takes fewer samples and steps, to choose between motions.
+    `quick` takes fewer samples and steps, to choose between motions; `most_points` thins what they are compared with.
     """
-    clouds = [_Cloud(s, size, _QUICK_SAMPLES if quick else _SAMPLES) for s in surfaces]
+    clouds = [_Cloud(s, size, _QUICK_SAMPLES if quick else _SAMPLES, most_points) for s in surfaces]
     settled = _QUICK if quick else _SETTLED
     start = poses.copy()
     start[:, :3, 3] /= size

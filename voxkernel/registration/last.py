@@ -7,20 +7,21 @@ from numpy.typing import NDArray
 
 from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.registration.icp import Refine, icp
-from voxkernel.registration.polish import Polished, pairs_of, polished
+from voxkernel.registration.polish import Polished, polished
 from voxkernel.registration.prepare import PreparedSurface, Skin, rim_of
-from voxkernel.registration.search import ScoredCloud, inverse
+from voxkernel.registration.search import inverse
 from voxkernel.registration.side import Side
 
 __all__ = ["last_refined"]
 
 _SAMPLES = 4000
 _STEPS = 12
-_RESTS = 2e-5
+_RESTS = 3e-5
 _LEAST = 1 / 300
 _POINTS_REACH = 1 / 60
 _NEARLY_EXACT = 2e-3
 _EXACT = 1e-9
+_FEW = 500
 
 
 def last_refined(
@@ -36,28 +37,28 @@ def last_refined(
             more = polished(*whole, found.transform, reach=wide, least=0.5 * _LEAST, steps=_STEPS)
             found = more if np.isfinite(more.step) else found
     motion, rests = found.transform, found.step < _RESTS
-    near = pairs_of(*sides, motion, 10 * _LEAST)
-    close = len(near.moved) > 0 and float(np.median(np.linalg.norm(near.moved - near.partners, axis=1))) < _NEARLY_EXACT
-    if close or method == "point_to_point":
-        clouds = ScoredCloud(pair[0].fine, scale), ScoredCloud(pair[1].fine, scale)
-        if method == "point_to_point":
-            one, two = (c.cloud for c in clouds)
-            end = icp(one, two, motion, max(found.reach, _POINTS_REACH), method, steps=100, change=1e-9)
-            if end.n_pairs >= 3:
-                motion, rests = end.transform, True
-        exact = _of_copies(*clouds, motion)
-        if exact is not None:
-            return exact, True
-    return motion, bool(rests)
+    if method == "point_to_point":
+        one, two = (p.fine.points / scale for p in pair)
+        end = icp(one, two, motion, max(found.reach, _POINTS_REACH), steps=100, change=1e-9)
+        if end.n_pairs >= 3:
+            motion, rests = end.transform, True
+    exact = _of_copies(pair, scale, motion) if found.reach < 2.0 * _LEAST else None
+    return (motion, rests) if exact is None else (exact, True)
 
 
-def _of_copies(source: ScoredCloud, target: ScoredCloud, motion: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _of_copies(
+    pair: tuple[PreparedSurface, PreparedSurface], scale: float, motion: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
     """Lay the vertices of copies of one surface on each other to the last digits; None where they are none."""
-    few = min(source.n_vertices, target.n_vertices)
-    if few < 3 or len(source.pairs(target, motion, _NEARLY_EXACT)[0]) < 0.5 * few:
+    one, two = (p.fine.points[: p.fine.n_vertices] / scale for p in pair)
+    few = min(len(one), len(two))
+    shown = one[:: max(1, len(one) // _FEW)]
+    if few < 3:
         return None
-    one, two = (c.cloud.select_by_index(range(c.n_vertices)) for c in (source, target))
-    end = icp(one, two, motion, _NEARLY_EXACT, "point_to_point", steps=10, change=1e-15)
+    near = icp(shown, two, motion, _NEARLY_EXACT, steps=0, change=0.0).n_pairs
+    if near < 0.5 * few / len(one) * len(shown):
+        return None
+    end = icp(one, two, motion, _NEARLY_EXACT, steps=10, change=1e-15)
     return end.transform if end.n_pairs >= 0.5 * few and end.rmse < _EXACT else None
 
 

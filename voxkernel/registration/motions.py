@@ -11,6 +11,7 @@ from voxkernel.registration.search import inverse
 __all__ = ["scaled", "to_local", "to_world"]
 
 
+
 def to_world(one: PreparedSurface, two: PreparedSurface, local: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn a motion between local frames into one between world coordinates."""
     return two.T_world_local @ local @ inverse(one.T_world_local)

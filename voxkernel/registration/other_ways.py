@@ -22,12 +22,13 @@ _QUICK = 2  # sources of candidates tried for another way
 
 def facets_turned(pair: Pair, found: Solution, method: Refine) -> Solution | None:
     """Turn the facets of the first surface over; None where that cannot help or is not believed."""
-    if found.probability >= RIGHT or _both_face_outward(pair):
+    if found.judged.probability >= RIGHT or _both_face_outward(pair):
         return None
     mesh = pair[0].mesh
     over = prepare(mesh.from_triangles(mesh.vertices, mesh.faces[:, ::-1], source=mesh.source), pair[0].margins)
-    other = solve((over, pair[1]), (over, pair[1]), method, sources=_QUICK)
-    return other if other.probability >= RIGHT else None
+    turned = over, pair[1]
+    other = solve(turned, turned, method, sources=_QUICK)
+    return other if other.judged.probability >= RIGHT else None
 
 
 def _both_face_outward(pair: Pair) -> bool:
@@ -72,8 +73,8 @@ def fitting_size(pair: Pair, method: Refine) -> float | None:
     if np.ptp(logs) > _ALIKE or abs(float(np.median(logs))) < _LEAST_CHANGE:
         return None
     factor = float(np.exp(np.median(logs)))
-    grown = resized(pair[0], factor)
-    found = solve((grown, pair[1]), (grown, pair[1]), method, sources=1)
-    size = factor * found.size
-    close = found.probability >= RIGHT or found.other_size != 1.0
+    changed = resized(pair[0], factor), pair[1]
+    found = solve(changed, changed, method, sources=1)
+    size = factor * found.judged.size
+    close = found.judged.probability >= RIGHT or found.judged.other_size != 1.0
     return size if close else None

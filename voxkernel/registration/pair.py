@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +11,20 @@ from numpy.typing import NDArray
 from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.registration.contest import Contest, End
-from voxkernel.registration.evidence import Evidence
+from voxkernel.registration.evidence import Evidence, Fit
 from voxkernel.registration.icp import Refine
 from voxkernel.registration.last import last_refined
 from voxkernel.registration.motions import scaled, to_local, to_world
 from voxkernel.registration.prepare import PreparedSurface, prepare
+from voxkernel.registration.rounding import motion_on_grid
 from voxkernel.registration.score import surface_score
 from voxkernel.registration.search import Guess, rotation_angle_deg
 from voxkernel.registration.side import Side
 from voxkernel.registration.verdict import NAMES, believed, descriptors
 
-__all__ = ["SCORE_REACH", "Solution", "cropped_to_overlap", "solve"]
+__all__ = ["SCORE_REACH", "Judged", "Solution", "cropped_to_overlap", "solve"]
 
-ALL_SOURCES = 6
+ALL_SOURCES = 5
 SCORE_REACH = 1 / 30  # of the larger diagonal
 _DISTINCT_DEG = 5.0
 _EQUAL_RANKS = 0.02
@@ -30,10 +32,20 @@ _SLIDES = 4e-3
 _NO_FIT = 0.02
 _CLEAR = 0.85  # a probability at which no further source of candidates is asked
 _OTHER_SIZE = 0.02
+_SAME = 1e-6  # a change of the motion that is not measured again
 _MISFIT = "no motion that was tried lays the surfaces on each other, facing the same way"
 _RESTLESS = "ICP has not come to rest on pairs of points"
 _OVERLAP_REACH = 1 / 20
 _LEAST_OVERLAP = 0.02
+
+
+class Judged(NamedTuple):
+    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
+
+    numbers: NDArray[np.float64]
+    probability: float
+    other_size: float
+    size: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -48,12 +60,10 @@ class Solution(Frozen):
     converged: bool
     ambiguous: bool
     reason: str
-    probability: float
-    other_size: float
-    size: float
-    numbers: NDArray[np.float64]
+    judged: Judged
     local: NDArray[np.float64]  # between the sides, which are scaled
     sides: tuple[Side, Side]
+    fit: Fit
 
 
 def solve(
@@ -63,39 +73,47 @@ def solve(
     """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped."""
     contest = Contest(*pair)
     searched = contest if pair is shown else Contest(*shown)
-    searched.run(lambda end: _probability(searched, end) > _CLEAR, sources)
+    known: list[tuple[End, Judged]] = []
+
+    def clear(end: End) -> bool:
+        known.append((end, _measured(searched, end)))
+        return known[-1][1].probability > _CLEAR
+
+    searched.run(clear, sources)
     guesses = tuple(_in_world(shown, g) for g in sorted(searched.guesses, key=lambda g: -g.moved_score))
     if searched is not contest:
         contest.enter([_between(searched, contest, end) for end in searched.ends])
     best = contest.best
     if best is None or best.rank < _NO_FIT:
         start = guesses[0].transform if guesses else np.eye(4)
+        local = motion_on_grid(scaled(to_local(*pair, start), 1.0 / contest.scale))
         return Solution(
-            start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, _MISFIT, 0.0, 1.0, 1.0,
-            np.full(len(NAMES), np.nan), scaled(to_local(*pair, start), 1.0 / contest.scale), contest.sides,
+            start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, _MISFIT,
+            Judged(np.full(len(NAMES), np.nan), 0.0, 1.0, 1.0), local, contest.sides, contest.fit(local),
         )  # fmt: skip
     if method == "none":
         return _unrefined(contest, best, guesses, shown)
-    return _final(contest, best, guesses, method, shown)
+    judged = next((j for end, j in reversed(known) if end is best), None)
+    return _final(contest, best, guesses, method, shown, judged)
 
 
 def _final(
     contest: Contest, best: End, guesses: tuple[Guess, ...], method: Refine,
-    shown: tuple[PreparedSurface, PreparedSurface],
+    shown: tuple[PreparedSurface, PreparedSurface], judged: Judged | None,
 ) -> Solution:  # fmt: skip
-    """Refine the best on all samples and at full resolution, then measure it."""
-    best = contest.settled(best)
+    """Refine the best at full resolution, then measure it."""
     motion, rests = last_refined(contest.pair, contest.sides, best.polished, contest.reach, method)
-    best = contest.measured(best, motion)
-    numbers, probability, other, size = _measured(contest, best)
-    score = surface_score(*contest.sides, motion, SCORE_REACH)
+    same = float(np.abs(motion - best.polished.transform).max()) < _SAME
+    best = contest.measured(best, motion, best.polished)
+    judged = _measured(contest, best) if judged is None or not same else judged
+    score = surface_score(*contest.sides, best.fit, SCORE_REACH)
     doubt = _doubt(contest, best)
     reason = doubt if rests else _RESTLESS
     world = to_world(*contest.pair, scaled(motion, contest.scale))
     guess = _in_world(shown, best.guess)
     return Solution(
-        world, score, guess, _by_kernels(guesses, world), guesses, rests, bool(doubt), reason, probability, other,
-        size, numbers, motion, contest.sides,
+        world, score, guess, _by_kernels(guesses, world), guesses, rests, bool(doubt), reason, judged, motion,
+        contest.sides, best.fit,
     )  # fmt: skip
 
 
@@ -103,39 +121,31 @@ def _unrefined(
     contest: Contest, best: End, guesses: tuple[Guess, ...], shown: tuple[PreparedSurface, PreparedSurface]
 ) -> Solution:
     """Take the guess that leads to the best end, but give it as the kernels did."""
-    numbers, probability, other, size = _measured(contest, best)
     world = to_world(*contest.pair, scaled(best.polished.transform, contest.scale))
     guess = _by_kernels(guesses, world) or _in_world(shown, best.guess)
     local = scaled(to_local(*contest.pair, guess.transform), 1.0 / contest.scale)
+    fit = contest.fit(local)
     doubt = _doubt(contest, best)
     return Solution(
-        guess.transform, surface_score(*contest.sides, local, SCORE_REACH), guess, guess, guesses, True, bool(doubt),
-        doubt, probability, other, size, numbers, local, contest.sides,
+        guess.transform, surface_score(*contest.sides, fit, SCORE_REACH), guess, guess, guesses, True, bool(doubt),
+        doubt, _measured(contest, best), local, contest.sides, fit,
     )  # fmt: skip
 
 
-def _measured(contest: Contest, best: End) -> tuple[NDArray[np.float64], float, float, float]:
-    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
-    evidence = contest.evidence(best)
+def _measured(contest: Contest, best: End) -> Judged:
+    """Measure an end and believe it or not by what has been tried so far."""
+    evidence = contest.evidence(best.polished.transform, best.fit)
     rivals = contest.rivals(best)
-    size, resized = contest.better_size(best)
+    size, similarity = contest.better_size(best)
     numbers = descriptors(evidence, rivals[0].rank / best.rank if rivals else 0.0, size)
     probability = believed(numbers)
-    if abs(np.log(size)) > _OTHER_SIZE and _fits_better(resized, evidence):
-        return numbers, min(probability, 0.02), size, size
-    return numbers, probability, 1.0, size
+    if abs(np.log(size)) > _OTHER_SIZE and _fits_better(contest.evidence(similarity), evidence):
+        return Judged(numbers, min(probability, 0.02), size, size)
+    return Judged(numbers, probability, 1.0, size)
 
 
 def _fits_better(resized: Evidence, evidence: Evidence) -> bool:
     return resized.systematic < 0.6 * evidence.systematic and resized.agreement >= evidence.agreement - 0.02
-
-
-def _probability(contest: Contest, end: End) -> float:
-    """Believe an end by what has been tried so far."""
-    rivals = contest.rivals(end)
-    ratio = rivals[0].rank / end.rank if rivals and end.rank > 0 else 0.0
-    evidence = contest.evidence(end)
-    return believed(descriptors(evidence, ratio, 1.0))
 
 
 def _in_world(pair: tuple[PreparedSurface, PreparedSurface], guess: Guess) -> Guess:

@@ -20,7 +20,8 @@ __all__ = ["SURE", "Closeness", "Trial", "closeness", "evidence_of", "tried"]
 _REACH = 1 / 30  # of the common size
 _TIGHT = 1 / 8  # of the reach
 _FACING = 0.5  # cosine between the normals of a point and of the triangle next to it
-_SAMPLES = 2000
+_SAMPLES = 1000
+_POINTS = 4000  # of each scan, while a pair is judged
 # Fitted to pairs of the tuning half of `datasets_tools/scan_sets.py`, right within 3 degrees and 1.5 %.
 _BASE, _PER_TIGHT, _PER_OVERLAP, _PER_MATCHES = -10.2, 13.1, 0.46, 0.78
 _CERTAIN = 6.0
@@ -95,9 +96,9 @@ def tried(
     best = known or Trial(np.full((4, 4), np.nan), -_CERTAIN, "", Closeness(0.0, 0.0, 0.0))
     if known is None and like.motions:
         starts = [np.stack([np.eye(4), scaled(inverse(motion), size)]) for motion in like.motions]
-        quick = [refined_together([one, two], start, size, quick=True).poses for start in starts]
+        quick = [refined_together([one, two], start, size, quick=True, most_points=_POINTS).poses for start in starts]
         odds = [evidence_of(closeness(*surfaces, scaled(inverse(p[1]), 1.0 / size)), like.matches) for p in quick]
-        local = inverse(refined_together([one, two], quick[int(np.argmax(odds))], size).poses[1])
+        local = inverse(refined_together([one, two], quick[int(np.argmax(odds))], size, most_points=_POINTS).poses[1])
         close = closeness(*surfaces, scaled(local, 1.0 / size))
         best = Trial(to_world(one, two, local), evidence_of(close, like.matches), "matches", close)
     if margins is None:

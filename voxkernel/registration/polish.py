@@ -13,7 +13,7 @@ __all__ = ["Pairs", "Polished", "pairs_of", "polished"]
 
 _FACING = 0.5  # cosine between the normals of a pair that counts
 _SIGMAS = 3.5
-_RESTS = 1e-5
+_RESTS = 2e-5
 _FEWEST = 10
 
 
@@ -59,7 +59,7 @@ def pairs_of(source: Side, target: Side, motion: NDArray[np.float64], reach: flo
 
 def polished(
     source: Side, target: Side, start: NDArray[np.float64], *, reach: float, least: float, steps: int,
-    with_scale: bool = False,
+    with_scale: bool = False, rests: float = _RESTS,
 ) -> Polished:  # fmt: skip
     """Repeat: pair, weigh by Tukey's loss whose width follows the noise, solve; until the motion rests.
 
@@ -81,7 +81,7 @@ def polished(
             return Polished(motion, np.inf, reach, count)
         motion = change @ motion
         step = float(np.abs(change - np.eye(4)).max())
-        if step < _RESTS and not shrinks:
+        if step < rests and not shrinks:
             break
     return Polished(motion, step, reach, count)
 

@@ -21,12 +21,11 @@ from voxkernel.registration.thin import thinned
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
 
-__all__ = ["PreparedSurface", "Rim", "Samples", "Skin", "kernels_of", "prepare", "rim_of", "simplified"]
+__all__ = ["PreparedSurface", "Rim", "Samples", "Skin", "kernels_of", "prepare", "rim_of", "samples_of", "simplified"]
 
 KERNEL_DEPTH = 5
 _CENTER_GAP = 2e-3
 _COARSE_SAMPLES = 800
-_DENSE_SAMPLES = 8000
 _FINE_SAMPLES = 4000
 _MOST_SAMPLES = 20_000
 _FACETS_PER_STEP = 1500
@@ -81,7 +80,6 @@ class PreparedSurface(Frozen):
     kernels: tuple[KernelGrid, ...]
     moments: tuple[KernelMoments, ...]
     coarse: Samples
-    dense: Samples
     fine: Samples
 
 
@@ -104,8 +102,7 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
         mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
         Skin(thin, thin_faces, _unit(vectors), rim_of(thin_faces, len(thin))), smooth, margins, kernels,
         tuple(kernel_moments(k) for k in kernels),
-        _samples(*few, _COARSE_SAMPLES), _samples(smooth, thin_faces, _DENSE_SAMPLES),
-        _fine_samples(vertices, faces, own_vectors),
+        samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces, own_vectors),
     )  # fmt: skip
 
 
@@ -168,7 +165,8 @@ def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _samples(vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int) -> Samples:
+def samples_of(vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int) -> Samples:
+    """Place about so many points on a surface, with the normals of their triangles."""
     points, owners, _ = spread_samples(vertices, faces, count)
     return Samples(points, _unit(0.5 * doubled_normals(vertices[faces]))[owners])
 

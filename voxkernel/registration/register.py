@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_each, as_nonnegative, as_positive, read_only
-from voxkernel._open3d import open3d
 from voxkernel.exact import KernelPolytope
 from voxkernel.measures import KernelMoments, kernel_points
 from voxkernel.mesh import MeshLike, as_mesh
+from voxkernel.registration.evidence import fit_of
 from voxkernel.registration.icp import Refine, icp
 from voxkernel.registration.last import last_refined
 from voxkernel.registration.motions import scaled, to_local, to_world
@@ -159,8 +159,8 @@ def _answer(one: PreparedSurface, two: PreparedSurface, refine: Refine, steps: i
     over = facets_turned(pair, found, refine)
     if over is not None:
         return _Answer(over, flipped, True, None)
-    size = None if found.other_size == 1.0 else found.other_size
-    if size is None and other_sizes and found.probability < NO_MATCH:
+    size = None if found.judged.other_size == 1.0 else found.judged.other_size
+    if size is None and other_sizes and found.judged.probability < NO_MATCH:
         size = fitting_size(pair, refine)
     return _Answer(found, flipped, False, size if size is None or not flipped else 1.0 / size)
 
@@ -173,11 +173,11 @@ def _with_scale(
     for ratio in size_ratios(one, two):
         grown = resized(one, ratio)
         tried.append((ratio, grown, _answer(grown, two, refine, steps, other_sizes=False)))
-        if tried[-1][2].found.probability > _CLEAR:
+        if tried[-1][2].found.judged.probability > _CLEAR:
             break
     ratio, grown, answer = max(tried, key=_fits)
     for _ in range(_SIZE_STEPS):
-        change = answer.found.size if not answer.flipped else 1.0 / answer.found.size
+        change = answer.found.judged.size if not answer.flipped else 1.0 / answer.found.judged.size
         if not _EXACT_SIZE < abs(np.log(change)) < 0.3:
             break
         next_grown = resized(one, ratio * change)
@@ -189,7 +189,7 @@ def _with_scale(
 
 
 def _fits(entry: tuple[float, PreparedSurface, _Answer]) -> tuple[float, float]:
-    return entry[2].found.probability, entry[2].found.score
+    return entry[2].found.judged.probability, entry[2].found.score
 
 
 def prepare_surface(surface: MeshLike, *, margins: Sequence[float] | None = None) -> PreparedSurface:
@@ -259,7 +259,8 @@ def score_alignment(
     one, two = (_prepared(n, s, ()) for n, s in (("source", source), ("target", target)))
     scale = max(one.diagonal, two.diagonal)
     local = scaled(to_local(one, two, _rigid(T_target_source)), 1.0 / scale)
-    return surface_score(Side(one.skin, scale, _SAMPLES), Side(two.skin, scale, _SAMPLES), local, SCORE_REACH)
+    sides = Side(one.skin, scale, _SAMPLES), Side(two.skin, scale, _SAMPLES)
+    return surface_score(*sides, fit_of(*sides, local, SCORE_REACH), SCORE_REACH)
 
 
 def refine_alignment(
@@ -329,17 +330,13 @@ def align_kernels(
     clouds = [kernel_points(k).boundary for k in (source, target)]
     if not all(len(c) for c in clouds):
         return start, False
-    geometry = open3d()
     scale = max(float(np.linalg.norm(np.ptp(c, axis=0))) for c in clouds) or 1.0
     shifts = [c.mean(axis=0) for c in clouds]
-    one, two = (
-        geometry.geometry.PointCloud(geometry.utility.Vector3dVector((c - s) / scale))
-        for c, s in zip(clouds, shifts, strict=True)
-    )
+    one, two = ((c - s) / scale for c, s in zip(clouds, shifts, strict=True))
     local = start.copy()
     local[:3, 3] = (start[:3, 3] + start[:3, :3] @ shifts[0] - shifts[1]) / scale
-    found = icp(one, two, local, _KERNEL_REACH, "point_to_point", steps=60, change=1e-9)
-    after = icp(one, two, found.transform, _KERNEL_REACH, "point_to_point", steps=1, change=1e-15)
+    found = icp(one, two, local, _KERNEL_REACH, steps=60, change=1e-9)
+    after = icp(one, two, found.transform, _KERNEL_REACH, steps=1, change=1e-15)
     motion = found.transform.copy()
     motion[:3, 3] = motion[:3, 3] * scale + shifts[1] - motion[:3, :3] @ shifts[0]
     return motion, found.n_pairs > 3 and abs(after.rmse - found.rmse) < 1e-6
@@ -361,24 +358,22 @@ def _wrapped(
     candidates = tuple(
         Candidate(turned(g.transform), g.origin, g.margin, g.score, g.moved_score) for g in found.guesses
     )
-    own, other = found.sides[::-1] if answer.flipped else found.sides
-    local = inverse(found.local) if answer.flipped else found.local
-    fitness, rmse = fit_within(own, other, local, reach / size)
+    fitness, rmse = fit_within(found.sides[answer.flipped], found.fit.distances[answer.flipped], reach / size)
     motion = turned(found.transform)
     first = motion if found.by_kernels is None else turned(found.by_kernels.transform)
-    verdict = verdict_of(found.probability, doubted=found.ambiguous or not found.converged)
+    verdict = verdict_of(found.judged.probability, doubted=found.ambiguous or not found.converged)
     reason = found.reason
     if answer.other_size is not None:
         reason = f"the surfaces fit each other at a scale of {answer.other_size:.3g}, and not as they are"
     elif verdict == "no match" and not reason:
         reason = "no motion that was tried explains enough of the surfaces without contradiction"
     elif verdict == "uncertain" and not reason:
-        reason = f"the fit is neither clearly right nor clearly wrong (probability {found.probability:.2f})"
+        reason = f"the fit is neither clearly right nor clearly wrong (probability {found.judged.probability:.2f})"
     return Registration(
         motion, first, fitness, rmse * size, found.score, reach,
         float("nan") if found.guess is None else found.guess.margin, candidates, found.converged, found.ambiguous,
-        reason, verdict, found.probability, scale, "" if found.guess is None else found.guess.origin,
-        answer.facets_turned, dict(zip(NAMES, found.numbers.tolist(), strict=True)),
+        reason, verdict, found.judged.probability, scale, "" if found.guess is None else found.guess.origin,
+        answer.facets_turned, dict(zip(NAMES, found.judged.numbers.tolist(), strict=True)),
     )  # fmt: skip
 
 

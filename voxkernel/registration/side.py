@@ -13,6 +13,7 @@ from voxkernel._open3d import open3d, ray_scene
 from voxkernel.mesh.surface_samples import spread_samples
 from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.registration.prepare import Skin
+from voxkernel.registration.rounding import on_grid
 
 __all__ = ["Nearest", "Side"]
 
@@ -29,16 +30,29 @@ class Nearest(NamedTuple):
     on_rim: NDArray[np.bool_]
 
 
+class Triangles(NamedTuple):
+    """Corners, the vectors whose products with p - a are the shares of b and c, and whether there is an area."""
+
+    corners: NDArray[np.float64]
+    along_b: NDArray[np.float64]
+    along_c: NDArray[np.float64]
+    solid: NDArray[np.bool_]
+
+    def at(self, ids: NDArray[np.int64]) -> Triangles:
+        """Some of them."""
+        return Triangles(self.corners[ids], self.along_b[ids], self.along_c[ids], self.solid[ids])
+
+
 class Side:
     """Samples of a surface and a search tree of its triangles, scaled to the size of the pair."""
 
     def __init__(self, skin: Skin, scale: float, samples: int) -> None:
-        self.vertices = skin.vertices / scale
+        self.vertices = on_grid(skin.vertices / scale)
         self.faces = skin.faces
-        self.facet_normals = skin.normals
+        self.facet_normals = on_grid(skin.normals)
         points, owners, areas = spread_samples(skin.vertices, skin.faces, samples)
-        self.points, self.normals = points / scale, skin.normals[owners]
-        self.areas = areas / scale**2
+        self.points, self.normals = on_grid(points / scale), self.facet_normals[owners]
+        self.areas = on_grid(areas / (scale**2 / samples)) / samples
         self.area = float(self.areas.sum())
         self._rim = skin.rim
 
@@ -47,12 +61,22 @@ class Side:
         """Open3D's search tree."""
         return ray_scene(self.vertices, self.faces)
 
+    @cached_property
+    def triangles(self) -> Triangles:
+        """Corners and what barycentric shares are computed from."""
+        corners = self.vertices[self.faces]
+        normal = doubled_normals(corners)
+        square = np.einsum("ij,ij->i", normal, normal)
+        normal /= np.where(square > 0, square, 1.0)[:, None]
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        return Triangles(corners, np.cross(c - a, normal), np.cross(normal, b - a), square > 0)
+
     def every(self, step: int) -> Side:
         """The same triangles with every `step`-th sample."""
         if step <= 1:
             return self
         few = copy(self)
-        few.scene = self.scene
+        few.scene, few.triangles = self.scene, self.triangles
         few.points, few.normals = self.points[::step], self.normals[::step]
         few.areas = self.areas[::step] * (self.area / float(self.areas[::step].sum()))
         return few
@@ -67,11 +91,10 @@ class Side:
             inside = points[near]
             found = self.scene.compute_closest_points(open3d().core.Tensor(inside.astype(np.float32)))
             ids = found["primitive_ids"].numpy().astype(np.int64)
-            faces = self.faces[ids]
-            best, shares = _closest(inside, self.vertices[faces])
+            best, shares = _closest(inside, self.triangles.at(ids))
             spots[near], normals[near] = best, self.facet_normals[ids]
             distances[near] = np.linalg.norm(inside - best, axis=1)
-            on_rim[near] = _on_rim(shares, self._rim.edges[ids], self._rim.vertices[faces])
+            on_rim[near] = _on_rim(shares, self._rim.edges[ids], self._rim.vertices[self.faces[ids]])
         return Nearest(distances, spots, normals, on_rim)
 
 
@@ -85,19 +108,14 @@ def _on_rim(
     return np.where(at_corner, (corners & ~zero).any(axis=1), on_edge)
 
 
-def _closest(
-    points: NDArray[np.float64], corners: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _closest(points: NDArray[np.float64], near: Triangles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Closest point of triangle i to point i, and its barycentric shares."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = doubled_normals(corners)
-    square = np.einsum("ij,ij->i", normal, normal)
-    offset = points - a
-    safe = np.where(square > 0, square, 1.0)
-    v = np.einsum("ij,ij->i", np.cross(offset, c - a), normal) / safe
-    w = np.einsum("ij,ij->i", np.cross(b - a, offset), normal) / safe
+    corners = near.corners
+    offset = points - corners[:, 0]
+    v = np.einsum("ij,ij->i", offset, near.along_b)
+    w = np.einsum("ij,ij->i", offset, near.along_c)
     shares = np.column_stack([1.0 - v - w, v, w])
-    outside = np.flatnonzero(~((square > 0) & (shares >= 0).all(axis=1)))
+    outside = np.flatnonzero(~(near.solid & (shares >= 0).all(axis=1)))
     if len(outside):
         p, own = points[outside], corners[outside]
         least, rim_shares = np.full(len(outside), np.inf), np.zeros((len(outside), 3))
