@@ -31,6 +31,7 @@ WRONG = (("other",), ("scale 1.1", "scale 0.9", "scale 1.05"), ("mirrored", "sca
 
 # Faces and animals are nearly their own mirror images, which then have a right answer.
 PENALTY = 0.005  # of the squared weights: evidence that says the same shares its weight
+MARGIN = 0.5  # log-odds between an example and a limit
 EXPRESSIONS = "face, another expression or person"
 CHIRAL = ("formula", "formula, open", "asteroid")
 
@@ -135,11 +136,14 @@ def measured(pair: Any) -> tuple[bool, bool, list[float], float]:
     from voxkernel.registration.pair import solve
     from voxkernel.registration.prepare import prepare
     from voxkernel.registration.register import DEFAULT_MARGINS
+    from voxkernel.registration.search import inverse
 
     one, two = (prepare(voxkernel.as_mesh(s), DEFAULT_MARGINS) for s in (pair.source, pair.target))
-    found = solve((one, two), (one, two), "point_to_plane")
-    angle, shift = errors(found.transform, pair)
-    return angle < SUCCESS_DEG and shift < SUCCESS_SHARE, found.ambiguous, found.numbers.tolist(), found.probability
+    both = (one, two) if one.area <= two.area else (two, one)
+    found = solve(both, both, "point_to_plane")
+    angle, shift = errors(found.transform if both[0] is one else inverse(found.transform), pair)
+    judged = found.judged
+    return angle < SUCCESS_DEG and shift < SUCCESS_SHARE, found.ambiguous, judged.numbers.tolist(), judged.probability
 
 
 def fitted(numbers: Any, right: Any, signs: Any) -> tuple[Any, Any, Any, float]:
@@ -163,35 +167,55 @@ def fitted(numbers: Any, right: Any, signs: Any) -> tuple[Any, Any, Any, float]:
     return center, spread, answer[:-1], float(answer[-1])
 
 
-def report(outcomes: list[dict[str, Any]], model: Any) -> str:
-    """Reliability, and wrong ones called right, of both halves and of every kind of shape."""
+def believed(numbers: Any, model: Any) -> Any:
+    """Log-odds that a model gives."""
+    center, spread, weights, bias = model
+    return (numbers - center) / spread @ weights + bias
+
+
+def limits(odds: Any, right: Any) -> tuple[float, float]:
+    """Log-odds from which an answer is right and below which it is no match, from the fitted half alone.
+
+    Right is halfway between the most believed wrong answer and the least believed twentieth of the right ones, but not
+    below the wrong one by itself; no match is as far below the least believed right answer as lies below one in 50.
+    """
     import numpy as np
 
-    from voxkernel.registration.verdict import NO_MATCH
-    from voxkernel.registration.verdict import RIGHT as ENOUGH
+    worst = float(odds[~right].max())
+    enough = max(worst + MARGIN, 0.5 * (worst + float(np.quantile(odds[right], 0.05))))
+    return enough, min(float(np.quantile(odds[right], 0.02)), enough) - MARGIN
 
-    center, spread, weights, bias = model
+
+def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
+    """What the model of each half says of the other half, by kind of shape, and its reliability."""
+    import numpy as np
+
     x = np.array([o["numbers"] for o in outcomes])
-    p = 1.0 / (1.0 + np.exp(-np.clip((x - center) / spread @ weights + bias, -30, 30)))
     right = np.array([o["right"] for o in outcomes])
+    half = np.array([o["half"] for o in outcomes])
     heads = ("", "pairs", "right answers", "called right", "wrong answers", "called right", "called no match")
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * 7]
-    groups = {f"half {h}": np.array([o["half"] == h for o in outcomes]) for h in ("0", "1")}
-    for kind in dict.fromkeys(o["kind"] for o in outcomes):
-        groups |= {f"{kind}, half {h}": np.array([(o["kind"], o["half"]) == (kind, h) for o in outcomes]) for h in "01"}
-    for name, mask in groups.items():
-        r, w = mask & right, mask & ~right
-        lines.append(
-            f"| {name} | {mask.sum()} | {r.sum()} | {(p[r] >= ENOUGH).sum()} | {w.sum()} "
-            f"| {(p[w] >= ENOUGH).sum()} | {(p[w] < NO_MATCH).sum()} |"
-        )
-    edges = [0.0, 0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0 + 1e-9]
-    lines += ["", "| probability | half 0: pairs, right | half 1: pairs, right |", "|---|---|---|"]
-    for low, high in pairwise(edges):
-        inside = (p >= low) & (p < high)
-        here = [inside & groups[f"half {h}"] for h in "01"]
-        cells = [f"{mask.sum()}, {(mask & right).sum()}" for mask in here]
-        lines.append(f"| {low:.2f} to {min(high, 1.0):.2f} | " + " | ".join(cells) + " |")
+    reliability: list[str] = []
+    for own, other in (("0", "0"), ("0", "1"), ("1", "0")):
+        model, (enough, least) = fits[own]
+        odds, here = believed(x, model), half == other
+        title = f"half {other}, " + ("to which the model was fitted" if own == other else f"model of half {own}")
+        groups = {f"**{title}**": here}
+        if own != other:
+            kinds = dict.fromkeys(o["kind"] for o in outcomes)
+            groups |= {kind: here & np.array([o["kind"] == kind for o in outcomes]) for kind in kinds}
+        for name, mask in groups.items():
+            r, w = mask & right, mask & ~right
+            counts = (mask.sum(), r.sum(), (odds[r] >= enough).sum(), w.sum(), (odds[w] >= enough).sum(),
+                      (odds[w] < least).sum())  # fmt: skip
+            lines.append(f"| {name} | " + " | ".join(map(str, counts)) + " |")
+        if own != other:
+            edges = [0.0, 0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0 + 1e-9]
+            p = 1.0 / (1.0 + np.exp(-odds))
+            cells = [(here & (p >= a) & (p < b)) for a, b in pairwise(edges)]
+            reliability += [f"| {title} | " + " | ".join(f"{c.sum()}, {(c & right).sum()}" for c in cells) + " |"]
+    names = ("0.00 to 0.02", "to 0.20", "to 0.50", "to 0.80", "to 0.95", "to 0.99", "to 1.00")
+    lines += ["", f"| probability: pairs, right | {' | '.join(names)} |", "|" + "---|" * 8, *reliability]
     return "\n".join(lines) + "\n"
 
 
@@ -238,16 +262,20 @@ def _run(args: argparse.Namespace) -> int:
     used = [o for o in outcomes if o["row"] != "mirrored" or o["kind"] in CHIRAL]
     used = [o for o in used if not (o["ambiguous"] and o["possible"])]
     used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
-    first = [o for o in used if o["half"] == "0"]
-    model = fitted(
-        np.array([o["numbers"] for o in first]), np.array([o["right"] for o in first]), np.array(SIGNS)
-    )
-    text = report(used, model)
-    shown = ", ".join(f"{n} {w:.3f}" for n, w in zip(NAMES, model[2], strict=True))
-    text += f"\n{len(outcomes)} pairs, {len(outcomes) - len(used)} left out. Weights: {shown}; bias {model[3]:.3f}.\n"
+    fits: dict[str, Any] = {}
+    for half in ("0", "1"):
+        own = [o for o in used if o["half"] == half]
+        x, right = np.array([o["numbers"] for o in own]), np.array([o["right"] for o in own])
+        model = fitted(x, right, np.array(SIGNS))
+        fits[half] = model, limits(believed(x, model), right)
+    text = report(used, fits)
+    model, marks = fits["0"]
+    text += f"\n{len(outcomes)} pairs, {len(outcomes) - len(used)} left out. The model of half 0:\n\n"
     for name, row in zip(("_CENTERS", "_SPREADS", "_WEIGHTS"), model[:3], strict=True):
         text += f"    {name} = ({', '.join(f'{v:.4f}' for v in row)})\n"
-    text += f"    _BIAS = {model[3]:.4f}\n"
+    right, no_match = (1.0 / (1.0 + np.exp(-m)) for m in marks)
+    text += f"    _BIAS = {model[3]:.4f}\n    RIGHT, NO_MATCH = {right:.3f}, {no_match:.3f}\n"
+    text += f"    # {', '.join(f'{n} {w:.2f}' for n, w in zip(NAMES, model[2], strict=True))}\n"
     print(text, end="")
     if args.output is not None:
         Path(args.output).write_text(text, encoding="utf-8")

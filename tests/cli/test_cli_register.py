@@ -91,11 +91,17 @@ def parts(tmp_path_factory):
     return folder, turn
 
 
-def test_together(parts, capsys):
+def test_together_on_a_scheduler(parts, capsys, monkeypatch):
+    distributed = pytest.importorskip("distributed")
     folder, turn = parts
+    monkeypatch.chdir(folder)
     files = [f"{folder}/{name}.ply" for name in "abc"]
-    outputs = ["-o", f"{folder}/poses.json", "--merged", f"{folder}/all.ply", "--picture", f"{folder}/p.png"]
-    assert main(["register", *files, "--together", *outputs]) == 1
+    outputs = ["-o", "poses.json", "--merged", "all.ply", "--picture"]
+    quiet = {"dashboard_address": None, "silence_logs": 60, "n_workers": 1, "threads_per_worker": 1}
+    quiet |= {"scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"}}
+    with distributed.LocalCluster(processes=False, **quiet) as cluster:
+        where = ["--scheduler", cluster.scheduler_address]
+        assert main(["register", *files, "--together", *where, *outputs]) == 1
     said = capsys.readouterr()
     assert "2 of 3 belong together" in said.out
     assert "belongs to nothing" in said.out
@@ -104,7 +110,7 @@ def test_together(parts, capsys):
     assert document["poses"][2] is None
     np.testing.assert_allclose(np.array(document["poses"][1])[:3, :3], turn.T, atol=0.01)
     assert len(as_mesh(folder / "all.ply").faces) == sum(len(as_mesh(f).faces) for f in files[:2])
-    assert (folder / "p.png").stat().st_size > 10_000
+    assert (folder / "registration.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from test_register import moved, off, pose
 from voxkernel import as_mesh
 from voxkernel.registration import prepare_surface
 from voxkernel.registration.features import feature_motions, feature_points
+from voxkernel.registration.motions import scaled
 from voxkernel.registration.polish import polished
 from voxkernel.registration.prepare import rim_of
 from voxkernel.registration.side import Side
@@ -64,10 +65,10 @@ def test_features_of_a_copy_lead_to_its_motion():
     vertices, faces = hills()
     motion = pose(7, 1.0)
     one, two = (prepare_surface(s, margins=[0.1]) for s in ((vertices, faces), (moved(motion, vertices), faces)))
-    spacing = one.diagonal / 50
-    points = [feature_points(s, spacing, 5 * spacing) for s in (one, two)]
+    spacing = 1 / 50
+    points = [feature_points(s, one.diagonal, spacing, 5 * spacing) for s in (one, two)]
     best = feature_motions(*points, spacing, 4)[0]
-    world = two.T_world_local @ best @ np.linalg.inv(one.T_world_local)
+    world = two.T_world_local @ scaled(best, one.diagonal) @ np.linalg.inv(one.T_world_local)
     assert off(world, motion, vertices) < 0.02
     again = feature_motions(*points, spacing, 4)[0]
     np.testing.assert_array_equal(best, again)

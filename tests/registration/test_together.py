@@ -94,11 +94,24 @@ def test_merged_and_json(together):
         found.merged(scans[:2])
 
 
-def test_order_of_scans_decides_only_the_frame(together):
+@pytest.fixture(scope="module")
+def client():
+    """A Dask cluster of one thread in this process."""
+    distributed = pytest.importorskip("distributed")
+    quiet = {"dashboard_address": None, "silence_logs": 60, "n_workers": 1, "threads_per_worker": 1}
+    quiet |= {"scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"}}
+    with distributed.LocalCluster(processes=False, **quiet) as cluster:
+        with distributed.Client(cluster, set_as_default=False) as found:
+            yield found
+
+
+def test_order_of_scans_decides_only_the_frame_and_a_cluster_finds_the_same(together, client):
     scans, _, found = together
     order = [3, 2, 0, 1]
     steps = []
-    again = register_together([scans[i] for i in order], progress=lambda done, total: steps.append((done, total)))
+    again = register_together(
+        [scans[i] for i in order], client=client, progress=lambda done, total: steps.append((done, total))
+    )
     assert again.apart == (1,)
     assert again.reference == 0
     for place, i in enumerate(order):
@@ -112,12 +125,11 @@ def test_order_of_scans_decides_only_the_frame(together):
 
 def test_units_do_not_matter(together):
     scans, _, found = together
-    # A power of two changes no digit; another unit moves the ends within the noise.
-    large = register_together([(np.asarray(v) * 1024.0, f) for v, f in scans])
+    large = register_together([(np.asarray(v) * 1000.0, f) for v, f in scans])
     assert large.apart == found.apart
-    np.testing.assert_allclose(large.poses[1][:3, :3], found.poses[1][:3, :3], atol=1e-5)
-    np.testing.assert_allclose(large.poses[1][:3, 3], 1024.0 * found.poses[1][:3, 3], atol=0.02)
-    assert large.residual == pytest.approx(1024.0 * found.residual, rel=1e-4)
+    np.testing.assert_allclose(large.poses[1][:3, :3], found.poses[1][:3, :3], atol=1e-6)
+    np.testing.assert_allclose(large.poses[1][:3, 3], 1000.0 * found.poses[1][:3, 3], atol=1e-2)
+    assert large.residual == pytest.approx(1000.0 * found.residual, rel=1e-6)
 
 
 def test_surfaces_that_cannot_be_used_have_a_reason():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
 from voxkernel.registration.prepare import PreparedSurface
+from voxkernel.registration.rounding import on_grid
 
 __all__ = ["Refinement", "refined_together"]
 
@@ -45,7 +46,7 @@ class _Cloud:
         from scipy.spatial import KDTree
 
         step = 1 if most is None else max(1, len(surface.fine.points) // most)
-        points, normals = surface.fine.points[::step] / size, surface.fine.normals[::step]
+        points, normals = on_grid(surface.fine.points[::step] / size), on_grid(surface.fine.normals[::step])
         self.points, self.normals, self.tree = points, normals, KDTree(points)
         shown = np.linspace(0, len(points) - 1, min(samples, len(points))).astype(np.int64)
         self.few, self.few_normals = points[shown], normals[shown]

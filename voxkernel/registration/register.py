@@ -109,9 +109,10 @@ def register(
     motions, one for each proper choice of signs. When none fits clearly, local features [2]_ that agree with each
     other [3]_, the kernels of parts, the frames of the surfaces and a net of 60 rotations give more. All are refined
     by ICP with Tukey's loss and judged by what they explain of both surfaces and what contradicts them; only the last
-    ICP sees the surfaces at full resolution, where they overlap. Nothing is random; Open3D adds in parallel, so that
-    the last digits may differ from run to run. The pair is ordered by area first, so that exchanging source and
-    target gives the inverse motion.
+    ICP sees the surfaces at full resolution, where they overlap. Nothing is random and sums keep one order. The pair is
+    put in the order of areas first, so that exchanging source and target gives the inverse motion; coordinates in
+    units of the larger diagonal are rounded to 2^-32 before anything is decided by them, so that another unit of
+    length changes nothing.
 
     References
     ----------
@@ -145,7 +146,7 @@ def register(
 
 def _answer(one: PreparedSurface, two: PreparedSurface, refine: Refine, steps: int, *, other_sizes: bool) -> _Answer:
     """Solve a pair, the smaller surface laid on the larger one, whichever of them is called the source."""
-    flipped = (one.area, len(one.faces)) > (two.area, len(two.faces))
+    flipped = _order_of(one) > _order_of(two)
     pair = (two, one) if flipped else (one, two)
     found = solve(pair, pair, refine)
     for _ in range(steps):
@@ -163,6 +164,11 @@ def _answer(one: PreparedSurface, two: PreparedSurface, refine: Refine, steps: i
     if size is None and other_sizes and found.judged.probability < NO_MATCH:
         size = fitting_size(pair, refine)
     return _Answer(found, flipped, False, size if size is None or not flipped else 1.0 / size)
+
+
+def _order_of(surface: PreparedSurface) -> tuple[float, int, bytes]:
+    """What puts the two surfaces of a pair in one order, whichever of them is called the source."""
+    return surface.area, len(surface.faces), surface.mesh.vertices.tobytes()
 
 
 def _with_scale(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d
 from voxkernel.registration.prepare import PreparedSurface
+from voxkernel.registration.rounding import on_grid
 
 __all__ = ["Description", "Likeness", "compared", "describe", "ranked_pairs", "shortlist"]
 
@@ -51,14 +52,14 @@ def describe(surface: PreparedSurface, scale: float) -> Description:
     .. [1] R. B. Rusu, N. Blodow, M. Beetz, "Fast point feature histograms (FPFH) for 3D registration", ICRA 2009.
     """
     library = open3d()
-    cloud: Any = library.geometry.PointCloud(library.utility.Vector3dVector(surface.coarse.points / scale))
-    cloud.normals = library.utility.Vector3dVector(surface.coarse.normals.copy())
+    cloud: Any = library.geometry.PointCloud(library.utility.Vector3dVector(on_grid(surface.coarse.points / scale)))
+    cloud.normals = library.utility.Vector3dVector(on_grid(surface.coarse.normals))
     step = max(1, len(surface.coarse.points) // _POINTS)
     near = library.geometry.KDTreeSearchParamHybrid(_REACH, 100)
     histograms = np.asarray(library.pipelines.registration.compute_fpfh_feature(cloud, near).data).T
     spreads = [m.spread if not m.is_empty else np.full(3, np.nan) for m in surface.moments]
     return Description(
-        surface.coarse.points[::step] / scale, surface.coarse.normals[::step], np.ascontiguousarray(histograms[::step]),
+        np.asarray(cloud.points)[::step].copy(), np.asarray(cloud.normals)[::step].copy(), histograms[::step].copy(),
         np.concatenate(spreads) / scale if spreads else np.empty(0), surface.diagonal / scale,
     )  # fmt: skip
 
