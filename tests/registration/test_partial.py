@@ -74,7 +74,7 @@ def test_parts_with_nothing_in_common_are_not_called_right():
     assert found.reason
 
 
-@pytest.mark.parametrize("size", [1.1, 2.0])
+@pytest.mark.parametrize("size", [1.1, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_another_size_is_refused_named_and_estimated(size):
     whole = hills()
     motion, target = away((whole[0] * size, whole[1]), 4)

@@ -14,7 +14,7 @@ from voxkernel.registration.evidence import Evidence, Fit, evidence_of, fit_of, 
 from voxkernel.registration.features import feature_motions, feature_points
 from voxkernel.registration.motions import scaled
 from voxkernel.registration.parts import moments_of_part, smooth_parts
-from voxkernel.registration.polish import Polished, polished
+from voxkernel.registration.polish import LAST_STEP, Polished, polished
 from voxkernel.registration.prepare import PreparedSurface
 from voxkernel.registration.rounding import motion_on_grid, on_grid
 from voxkernel.registration.search import Guess, ScoredCloud, add_guesses, kernel_guesses, net_guesses, tried
@@ -29,6 +29,7 @@ _REACH = 1 / 45  # of the smaller diagonal: how near explains
 _WIDE = 1 / 16  # of the larger diagonal: where refinement starts
 _LEAST = 1 / 300
 _STEPS = 10
+_WHOLE_STEPS = 6  # on all samples, before it is known which end is the best
 _LAST_STEPS = 30
 _ROUGHLY = 1e-4  # a step on few samples that is not worth another one
 _SIZE_STEPS = 6
@@ -40,7 +41,7 @@ _POLISHED = {"kernel": 3}  # of each source; 2 of the others
 _HOPELESS = -0.05  # a rank before refinement below which only kernels' candidates are refined
 _WORSE = 0.35  # a score so far below the best is not looked at more closely
 _AHEAD = 0.25  # a refined rank so far above the unrefined ones of other candidates ends the source
-_SETTLED = 0.1  # an end whose rank on few samples comes so close to the best is refined on all
+_SETTLED = 0.04  # an end whose rank on few samples comes so close to the best is refined on all
 _NO_FIT = 0.0  # a rank below which more samples do not help
 _CLEARLY = 0.5  # a rank beside which candidates that start with less than half of it are left out
 _DISTINCT_DEG = 5.0
@@ -200,10 +201,14 @@ class Contest:
             fit = fit_of(*self.few, end.transform, self.reach)
             self.ends.append(End(fit.rank, end, guess, fit, whole=False))
 
-    def _settled(self, end: End) -> End:
+    def rested(self, end: End) -> End:
+        """Refine an end on all samples until it rests, unless it does already."""
+        return end if end.polished.step < LAST_STEP else self._settled(end, _LAST_STEPS)
+
+    def _settled(self, end: End, steps: int = _WHOLE_STEPS) -> End:
         """Refine an end on all samples."""
         wide = max(1.5 * end.polished.reach, _LEAST)
-        more = polished(*self.sides, end.polished.transform, reach=wide, least=_LEAST, steps=_LAST_STEPS)
+        more = polished(*self.sides, end.polished.transform, reach=wide, least=_LEAST, steps=steps)
         motion = more.transform if np.isfinite(more.step) else end.polished.transform
         return self.measured(end, motion, more if np.isfinite(more.step) else end.polished)
 

@@ -62,7 +62,7 @@ def _on_cluster(client: Any, jobs: Sequence[Job], tick: Tick, done: int) -> list
 
     tasks = [client.submit(work, *map(there, given), pure=False) for work, given in jobs]
     try:
-        for count, _ in enumerate(optional("distributed").as_completed(tasks), start=done + 1):
+        for count, _ in enumerate(optional("distributed").as_completed(tasks, loop=client.loop), start=done + 1):
             tick(count)
         return list(client.gather(tasks))
     except BaseException:

@@ -32,7 +32,7 @@ _SLIDES = 4e-3
 _NO_FIT = 0.02
 _CLEAR = 0.85  # a probability at which no further source of candidates is asked
 _OTHER_SIZE = 0.02
-_SAME = 1e-6  # a change of the motion that is not measured again
+_SAME = 1e-4  # a change of the motion that is not measured again
 _MISFIT = "no motion that was tried lays the surfaces on each other, facing the same way"
 _RESTLESS = "ICP has not come to rest on pairs of points"
 _OVERLAP_REACH = 1 / 20
@@ -102,8 +102,10 @@ def _final(
     shown: tuple[PreparedSurface, PreparedSurface], judged: Judged | None,
 ) -> Solution:  # fmt: skip
     """Refine the best at full resolution, then measure it."""
-    motion, rests = last_refined(contest.pair, contest.sides, best.polished, contest.reach, method)
+    end = contest.rested(best)
+    motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
     same = float(np.abs(motion - best.polished.transform).max()) < _SAME
+    best = end
     best = contest.measured(best, motion, best.polished)
     judged = _measured(contest, best) if judged is None or not same else judged
     score = surface_score(*contest.sides, best.fit, SCORE_REACH)

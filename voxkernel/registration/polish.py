@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from voxkernel.registration.side import Side
 
-__all__ = ["Pairs", "Polished", "pairs_of", "polished"]
+__all__ = ["LAST_STEP", "Pairs", "Polished", "pairs_of", "polished"]
 
 _FACING = 0.5  # cosine between the normals of a pair that counts
 _SIGMAS = 3.5
-_RESTS = 2e-5
+LAST_STEP = 2e-5  # below which a motion rests
 _FEWEST = 10
 
 
@@ -59,7 +59,7 @@ def pairs_of(source: Side, target: Side, motion: NDArray[np.float64], reach: flo
 
 def polished(
     source: Side, target: Side, start: NDArray[np.float64], *, reach: float, least: float, steps: int,
-    with_scale: bool = False, rests: float = _RESTS,
+    with_scale: bool = False, rests: float = LAST_STEP,
 ) -> Polished:  # fmt: skip
     """Repeat: pair, weigh by Tukey's loss whose width follows the noise, solve; until the motion rests.
 
