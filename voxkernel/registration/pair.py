@@ -105,9 +105,9 @@ def _final(
     end = contest.rested(best)
     motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
     same = float(np.abs(motion - best.polished.transform).max()) < _SAME
-    best = end
-    best = contest.measured(best, motion, best.polished)
-    judged = _measured(contest, best) if judged is None or not same else judged
+    best = contest.measured(end, motion, end.polished)
+    if judged is None or not same:
+        judged = _measured(contest, best)
     score = surface_score(*contest.sides, best.fit, SCORE_REACH)
     doubt = _doubt(contest, best)
     reason = doubt if rests else _RESTLESS
