@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from voxkernel.mesh import as_mesh
+from voxkernel.errors import VoxKernelError
+from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.fit_html import write_fit_html
 from voxkernel.pictures.fit_png import write_fit_png
@@ -37,7 +38,7 @@ def together_picture(
 
     Before and after are seen from the same side; the distances from there and from the opposite side. A bar in mesh
     units with the histogram says what the colours mean; grey is what no other scan explains within 2 % of the diagonal.
-    Scans that belong to nothing are grey before and not shown after.
+    Scans that belong to nothing are grey before and not shown after; those that cannot be read are not shown at all.
 
     Parameters
     ----------
@@ -69,14 +70,14 @@ def together_picture(
     if not kept:
         raise ValueError("`found` must hold scans that belong together; got none")
     called = [str(name) for name in names] or [f"scan {i}" for i in range(n)]
-    meshes = [as_mesh(s) for s in surfaces]
-    shown = [thinned(*without_strays(m.vertices, m.faces), n) for m in meshes]
+    meshes = {i: as_mesh(surfaces[i]) if i in kept else _if_usable(surfaces[i]) for i in range(n)}
+    shown = {i: thinned(*without_strays(m.vertices, m.faces), n) for i, m in meshes.items() if m is not None}
     colors = {i: _color(k) for k, i in enumerate(kept)}
     laid = [(moved(shown[i][0], found.poses[i]), shown[i][1]) for i in kept]
     extent = float(np.linalg.norm(np.ptp(np.concatenate([v for v, _ in laid]), axis=0)))
     fit = fit_of(laid, _REACH * extent)
     view, up = view_of(laid)
-    before = tuple(plain_layer(v, f, colors.get(i, UNEXPLAINED), called[i]) for i, (v, f) in enumerate(shown))
+    before = tuple(plain_layer(v, f, colors.get(i, UNEXPLAINED), called[i]) for i, (v, f) in shown.items())
     after = tuple(plain_layer(v, f, colors[i], called[i]) for i, (v, f) in zip(kept, laid, strict=True))
     far = tuple(
         colored(v, f, d, fit.end, called[i]) for i, (v, f), d in zip(kept, laid, fit.distances, strict=True)
@@ -101,6 +102,14 @@ def together_picture(
         write_fit_html(place, title, words, panels, fit, legend)
     else:
         write_fit_png(place, title, words, panels, fit, legend, size)
+
+
+def _if_usable(surface: Any) -> TriangleMesh | None:
+    """Read a surface that has no pose; it may have none because it cannot be used."""
+    try:
+        return as_mesh(surface)
+    except (VoxKernelError, OSError, TypeError):
+        return None
 
 
 def _color(k: int) -> str:
