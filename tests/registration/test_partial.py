@@ -90,6 +90,7 @@ def test_another_size_is_refused_named_and_estimated(size):
     np.testing.assert_allclose(found.apply(whole[0]), target[0], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_mirror_image_is_not_right():
     whole = hills()
     mirrored = whole[0] * [-1, 1, 1], whole[1][:, ::-1]

@@ -17,7 +17,7 @@ Pair = tuple[PreparedSurface, PreparedSurface]
 _SAME_RATIO = 0.03  # ratios nearer than this are tried once
 _ALIKE = 0.15  # by which the ratios of kernels, areas and diagonals may differ where whole surfaces differ in size
 _LEAST_CHANGE = 0.05
-_QUICK = 2  # sources of candidates tried for another way
+_QUICK = 1  # sources of candidates tried for another way
 
 
 def facets_turned(pair: Pair, found: Solution, method: Refine) -> Solution | None:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from voxkernel.registration.joint_refinement import refined_together
 from voxkernel.registration.motions import scaled, to_local, to_world
+from voxkernel.registration.pair import solve
 from voxkernel.registration.prepare import PreparedSurface
-from voxkernel.registration.register import register
 from voxkernel.registration.search import inverse
 from voxkernel.registration.shortlist import Likeness
 from voxkernel.registration.side import Side
+from voxkernel.registration.verdict import NO_MATCH
 
 __all__ = ["SURE", "Closeness", "Trial", "closeness", "evidence_of", "tried"]
 
@@ -103,11 +104,12 @@ def tried(
         best = Trial(to_world(one, two, local), evidence_of(close, like.matches), "matches", close)
     if margins is None:
         return best
-    answer = register(one, two, margins=margins)
-    if answer.verdict == "no match":
+    pair = one, two
+    answer = solve(pair, pair, "point_to_plane")
+    if answer.judged.probability < NO_MATCH:
         return best
-    local = to_local(one, two, answer.T_target_source)
+    local = to_local(one, two, answer.transform)
     close = closeness(*surfaces, scaled(local, 1.0 / size))
-    own = float(np.clip(answer.probability, 1e-3, 1.0 - 1e-3))
+    own = float(np.clip(answer.judged.probability, 1e-3, 1.0 - 1e-3))
     found = 0.5 * (evidence_of(close, like.matches) + float(np.log(own / (1.0 - own))))
-    return Trial(answer.T_target_source, found, "register", close) if found > best.evidence else best
+    return Trial(answer.transform, found, "register", close) if found > best.evidence else best
