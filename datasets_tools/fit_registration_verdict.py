@@ -187,8 +187,11 @@ def limits(odds: Any, right: Any) -> tuple[float, float]:
 
 
 def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
-    """What the model of each half says of the other half, by kind of shape, and its reliability."""
+    """What the library and the model of each half say of the other half, by kind of shape, and their reliability."""
     import numpy as np
+
+    from voxkernel.registration.verdict import NO_MATCH as NO
+    from voxkernel.registration.verdict import RIGHT as RIGHT_AT
 
     x = np.array([o["numbers"] for o in outcomes])
     right = np.array([o["right"] for o in outcomes])
@@ -196,10 +199,16 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
     heads = ("", "pairs", "right answers", "called right", "wrong answers", "called right", "called no match")
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * 7]
     reliability: list[str] = []
-    for own, other in (("0", "0"), ("0", "1"), ("1", "0")):
-        model, (enough, least) = fits[own]
-        odds, here = believed(x, model), half == other
-        title = f"half {other}, " + ("to which the model was fitted" if own == other else f"model of half {own}")
+    said = np.clip([o["probability"] for o in outcomes], 1e-12, 1.0 - 1e-12)
+    for own, other in (("library", "0"), ("library", "1"), *([("0", "0"), ("0", "1"), ("1", "0")] if fits else [])):
+        if own == "library":
+            odds, enough, least = np.log(said / (1.0 - said)), np.log(RIGHT_AT / (1 - RIGHT_AT)), np.log(NO / (1 - NO))
+        else:
+            model, (enough, least) = fits[own]
+            odds = believed(x, model)
+        here = half == other
+        words = {other: "to which the model was fitted", "library": "as the library says"}
+        title = f"half {other}, " + words.get(own, f"model of half {own}")
         groups = {f"**{title}**": here}
         if own != other:
             kinds = dict.fromkeys(o["kind"] for o in outcomes)
@@ -219,6 +228,18 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def shown(model: Any, marks: tuple[float, float], names: Sequence[str]) -> str:
+    """The lines of `voxkernel/registration/verdict.py` that a model stands for."""
+    import numpy as np
+
+    text = "\nThe model of half 0:\n\n"
+    for name, row in zip(("_CENTERS", "_SPREADS", "_WEIGHTS"), model[:3], strict=True):
+        text += f"    {name} = ({', '.join(f'{v:.4f}' for v in row)})\n"
+    right, no_match = (1.0 / (1.0 + np.exp(-m)) for m in marks)
+    text += f"    _BIAS = {model[3]:.4f}\n    RIGHT, NO_MATCH = {right:.3f}, {no_match:.3f}\n"
+    return text + f"    # {', '.join(f'{n} {w:.2f}' for n, w in zip(names, model[2], strict=True))}\n"
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Parse the arguments and run."""
     parser = tool.parser(__doc__ or "", EXAMPLES)
@@ -226,6 +247,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=tool.positive, default=1, metavar="N", help="times through all shapes")
     parser.add_argument("--every", type=tool.positive, default=1, metavar="K", help="only every K-th pair")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help="kinds of shapes; all by default")
+    parser.add_argument("--fit", action="store_true", help="fit a model to each half; else only judge the library's")
     parser.add_argument("--first", type=int, default=0, metavar="J", help="where to begin with those")
     parser.add_argument("--outcomes", metavar="FILE", help="every outcome, a line each; those there are not made again")
     parser.add_argument("-o", "--output", metavar="TABLE.md")
@@ -263,19 +285,15 @@ def _run(args: argparse.Namespace) -> int:
     used = [o for o in used if not (o["ambiguous"] and o["possible"])]
     used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
     fits: dict[str, Any] = {}
-    for half in ("0", "1"):
+    for half in ("0", "1") if args.fit else ():
         own = [o for o in used if o["half"] == half]
         x, right = np.array([o["numbers"] for o in own]), np.array([o["right"] for o in own])
         model = fitted(x, right, np.array(SIGNS))
         fits[half] = model, limits(believed(x, model), right)
     text = report(used, fits)
-    model, marks = fits["0"]
-    text += f"\n{len(outcomes)} pairs, {len(outcomes) - len(used)} left out. The model of half 0:\n\n"
-    for name, row in zip(("_CENTERS", "_SPREADS", "_WEIGHTS"), model[:3], strict=True):
-        text += f"    {name} = ({', '.join(f'{v:.4f}' for v in row)})\n"
-    right, no_match = (1.0 / (1.0 + np.exp(-m)) for m in marks)
-    text += f"    _BIAS = {model[3]:.4f}\n    RIGHT, NO_MATCH = {right:.3f}, {no_match:.3f}\n"
-    text += f"    # {', '.join(f'{n} {w:.2f}' for n, w in zip(NAMES, model[2], strict=True))}\n"
+    text += f"\n{len(outcomes)} pairs, {len(outcomes) - len(used)} left out.\n"
+    if fits:
+        text += shown(*fits["0"], NAMES)
     print(text, end="")
     if args.output is not None:
         Path(args.output).write_text(text, encoding="utf-8")
