@@ -199,6 +199,7 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
     heads = ("", "pairs", "right answers", "called right", "wrong answers", "called right", "called no match")
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * 7]
     reliability: list[str] = []
+    doubted = np.array([o["ambiguous"] for o in outcomes])
     said = np.clip([o["probability"] for o in outcomes], 1e-12, 1.0 - 1e-12)
     for own, other in (("library", "0"), ("library", "1"), *([("0", "0"), ("0", "1"), ("1", "0")] if fits else [])):
         if own == "library":
@@ -215,8 +216,8 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
             groups |= {kind: here & np.array([o["kind"] == kind for o in outcomes]) for kind in kinds}
         for name, mask in groups.items():
             r, w = mask & right, mask & ~right
-            counts = (mask.sum(), r.sum(), (odds[r] >= enough).sum(), w.sum(), (odds[w] >= enough).sum(),
-                      (odds[w] < least).sum())  # fmt: skip
+            called = (odds >= enough) & ~doubted
+            counts = (mask.sum(), r.sum(), (called & r).sum(), w.sum(), (called & w).sum(), (odds[w] < least).sum())
             lines.append(f"| {name} | " + " | ".join(map(str, counts)) + " |")
         if own != other:
             edges = [0.0, 0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0 + 1e-9]
@@ -283,7 +284,8 @@ def _run(args: argparse.Namespace) -> int:
         tool.say(f"{kind} {pair.row}: right {entry['right']} of {possible}, {probability:.3f}", quiet=args.quiet)
     used = [o for o in outcomes if o["row"] != "mirrored" or o["kind"] in CHIRAL]
     used = [o for o in used if not (o["ambiguous"] and o["possible"])]
-    used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
+    if args.fit:
+        used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
     fits: dict[str, Any] = {}
     for half in ("0", "1") if args.fit else ():
         own = [o for o in used if o["half"] == half]
