@@ -5,7 +5,7 @@ true motion is known. A registration succeeds when it is within 2 degrees and 1 
 methods run in the same process on the same pairs, and all but ours end in the same ICP.
 
 DATA is a folder with scans/ and its ground_truth.json, faces/ and closed/. Without it, pairs are made from a
-face by formula.
+face by formula. Seconds are of CPU, of all threads. Rows to refuse have no right answer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ EXAMPLES = (
     "evaluate_registration.py --data data -o registration.md --json registration.json",
     "evaluate_registration.py --pairs 2 --methods kernels ransac",
 )
-NAMES = ("kernels", "overlap", "ransac", "fgr", "pca", "icp")
+NAMES = ("kernels", "overlap", "ransac", "kiss", "fgr", "pca", "icp")
+ROWS = ("scans", "closed", "partial", "bodies", "range", "refused")
 SUCCESS_DEG, SUCCESS_SHARE = 2.0, 0.01
 
 
@@ -46,6 +47,9 @@ class Outcome:
     seconds: float
     ambiguous: bool = False
     led_by: str = ""
+    verdict: str = ""
+    probability: float | None = None
+    evidence: dict[str, float] | None = None
 
     @property
     def success(self) -> bool:
@@ -54,10 +58,15 @@ class Outcome:
 
 
 def errors(found: Any, pair: Pair) -> tuple[float, float]:
-    """Angle to the true rotation, and how far the source's centre is off, as a share of its diagonal."""
+    """Angle to the true rotation, and how far the source's centre is off, as a share of its diagonal.
+
+    A pair without a true motion is off by more than any.
+    """
     import numpy as np
     from scipy.spatial.transform import Rotation
 
+    if pair.T_target_source is None:
+        return 360.0, 1.0
     turn = Rotation.from_matrix(found[:3, :3] @ pair.T_target_source[:3, :3].T)
     centre = pair.source[0].mean(axis=0)
     off = (found - pair.T_target_source)[:3] @ np.append(centre, 1.0)
@@ -70,39 +79,45 @@ def measure(pairs: Iterator[Pair], methods: list[str], *, quiet: bool) -> list[O
     outcomes: list[Outcome] = []
     for pair in pairs:
         for name in methods:
-            began = time.perf_counter()
-            first, final, ambiguous, led = methods_of()[name][1](pair)
-            seconds = time.perf_counter() - began
-            off = *errors(first, pair), *errors(final, pair)
-            outcomes.append(Outcome(pair.row, pair.number, name, *off, seconds, ambiguous, led))
-        done = ", ".join(f"{o.method} {o.final_deg:.2f}" for o in outcomes[-len(methods) :])
+            began = time.process_time()
+            found = methods_of()[name][1](pair)
+            seconds = time.process_time() - began
+            off = (*errors(found.first, pair), *errors(found.final, pair))
+            outcomes.append(Outcome(
+                pair.row, pair.number, name, *off, seconds, found.ambiguous, found.led_by, found.verdict,
+                found.probability if found.verdict else None, found.evidence or None,
+            ))  # fmt: skip
+        done = ", ".join(f"{o.method} {o.final_deg:.2f} {o.verdict}" for o in outcomes[-len(methods) :])
         tool.say(f"{pair.row} {pair.number}: degrees {done}", quiet=quiet)
     return outcomes
 
 
 def table(outcomes: list[Outcome], methods: list[str]) -> str:
-    """Write one line per row: successes, within 3 degrees, median start and end, seconds of every method."""
+    """Write one line per row: successes, median error, CPU seconds of every method; what ours says of its answers."""
     import numpy as np
 
     lines = [
-        "| pairs | " + " | ".join(methods_of()[m][0] for m in methods) + " |",
-        "|---|" + "---|" * len(methods),
+        "| pairs | " + " | ".join(methods_of()[m][0] for m in methods)
+        + " | right ones called right | wrong ones called right |",
+        "|---|" + "---|" * (len(methods) + 2),
     ]
     rows = list(dict.fromkeys(o.row for o in outcomes))
     for row in [*rows, "all"]:
-        cells = []
+        cells: list[str] = []
         for method in methods:
             mine = [o for o in outcomes if o.method == method and row in (o.row, "all")]
-            start, final = (np.median([getattr(o, k) for o in mine]) for k in ("start_deg", "final_deg"))
-            near = sum(o.final_deg < 3.0 for o in mine)
-            cells.append(
-                f"**{sum(o.success for o in mine)}** of {len(mine)}, {near} < 3°; "
-                f"{start:.1f}° → {final:.2f}°; {np.median([o.seconds for o in mine]):.2f} s"
-            )
+            final, seconds = (np.median([getattr(o, k) for o in mine]) for k in ("final_deg", "seconds"))
+            won = f"**{sum(o.success for o in mine)}** of {len(mine)}; {final:.2f}°" if "refuse" not in row else "-"
+            cells.append(f"{won}; {seconds:.2f} s")
+        ours = [o for o in outcomes if o.method == "kernels" and row in (o.row, "all")]
+        for wanted in (True, False):
+            these = [o for o in ours if o.success is wanted]
+            cells.append(f"{sum(o.verdict == 'right' for o in these)} of {len(these)}" if these else "-")
         lines.append(f"| {row} | " + " | ".join(cells) + " |")
     led = [o.led_by for o in outcomes if o.method == "kernels"]
     if led:
-        lines += ["", f"Guesses of the kernels led to {led.count('kernels')} of {len(led)} answers."]
+        words = ", ".join(f"{word} {led.count(word)}" for word in dict.fromkeys(led))
+        lines += ["", f"What led to the answers: {words}."]
     return "\n".join(lines) + "\n"
 
 
@@ -123,11 +138,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--methods", nargs="+", choices=NAMES, default=list(NAMES), metavar="M", help=", ".join(NAMES))
     parser.add_argument("-o", "--output", metavar="TABLE.md")
     parser.add_argument("--json", metavar="RAW.json", help="every outcome")
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS), metavar="R", help=", ".join(ROWS))
     return tool.run(_run, parser.parse_args(argv))
 
 
 def _run(args: argparse.Namespace) -> int:
     from registration_pairs import closed_pairs, formula_pairs, scan_pairs
+    from registration_rows import body_rows, partial_rows, range_rows, refused_rows
 
     data = None if args.data is None else Path(args.data)
     if data is not None and not (data / "scans" / "ground_truth.json").exists():
@@ -138,8 +155,14 @@ def _run(args: argparse.Namespace) -> int:
     if data is None:
         outcomes = measure(formula_pairs(args.pairs), args.methods, quiet=args.quiet)
     else:
-        outcomes = measure(scan_pairs(data, args.pairs), args.methods, quiet=args.quiet)
-        outcomes += measure(closed_pairs(data, args.pairs), args.methods, quiet=args.quiet)
+        makers = {
+            "scans": scan_pairs, "closed": closed_pairs, "partial": partial_rows, "bodies": body_rows,
+            "range": range_rows, "refused": refused_rows,
+        }  # fmt: skip
+        outcomes: list[Outcome] = []
+        for name in args.rows:
+            count = 10 * args.pairs if name == "range" else args.pairs
+            outcomes += measure(makers[name](data, count), args.methods, quiet=args.quiet)
     order = {name: k for k, name in enumerate(dict.fromkeys(o.row for o in outcomes))}
     outcomes.sort(key=lambda o: order[o.row])
     text = table(outcomes, args.methods)

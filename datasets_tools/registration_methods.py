@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from registration_pairs import Pair, motion
+
+
+class Found(NamedTuple):
+    """A start, an end, and what a method says of its own answer."""
+
+    first: Any
+    final: Any
+    ambiguous: bool = False
+    led_by: str = ""
+    verdict: str = ""
+    probability: float = float("nan")
+    evidence: dict[str, float] = {}  # noqa: RUF012
 
 
 def cloud_of(surface: Any) -> Any:
@@ -102,10 +114,10 @@ def start_nothing(source: Any, target: Any, extent: float) -> Any:
     return motion(np.eye(3), np.asarray(target.points).mean(axis=0) - np.asarray(source.points).mean(axis=0))
 
 
-def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any, Any, bool, str]]:
+def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], Found]:
     """Finish a start with the ICP all others share."""
 
-    def run(pair: Pair) -> tuple[Any, Any, bool, str]:
+    def run(pair: Pair) -> Found:
         import numpy as np
         import open3d
 
@@ -113,36 +125,42 @@ def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], tuple[Any,
         source, target = cloud_of(pair.source), cloud_of(pair.target)
         extent = float(np.linalg.norm(np.ptp(pair.source[0], axis=0)))
         first = np.array(start(source, target, extent))
-        return first, final_icp(source, target, first, extent), False, ""
+        return Found(first, final_icp(source, target, first, extent))
 
     return run
 
 
-def led_by(found: Any) -> str:
-    """Say whether a guess of the kernels led to the answer, or one of the net of rotations about them."""
-    return "kernels" if found.margin == found.margin else "net"
+def start_kiss(source: Any, target: Any, extent: float) -> Any:
+    """KISS-Matcher with a voxel of 1/50 of the diagonal and the rest as it comes."""
+    import kiss_matcher
+    import numpy as np
+
+    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(extent / 50))
+    clouds = (np.asarray(c.points, dtype=np.float32) for c in (source, target))
+    found = matcher.estimate(*clouds)
+    return motion(np.array(found.rotation), np.array(found.translation).ravel())
 
 
-def by_kernels(pair: Pair) -> tuple[Any, Any, bool, str]:
-    """Run `voxkernel.register` with its defaults."""
-    import voxkernel
+def by_register(**options: Any) -> Callable[[Pair], Found]:
+    """Run `voxkernel.register`."""
 
-    found = voxkernel.register(pair.source, pair.target)
-    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
+    def run(pair: Pair) -> Found:
+        import voxkernel
+
+        found = voxkernel.register(pair.source, pair.target, **options)
+        return Found(
+            found.kernel_T_target_source, found.T_target_source, found.ambiguous, found.led_by, found.verdict,
+            found.probability, dict(found.evidence),
+        )  # fmt: skip
+
+    return run
 
 
-def by_overlap(pair: Pair) -> tuple[Any, Any, bool, str]:
-    """Run `voxkernel.register` and once more with the kernels of what overlaps."""
-    import voxkernel
-
-    found = voxkernel.register(pair.source, pair.target, overlap_steps=1)
-    return found.kernel_T_target_source, found.T_target_source, found.ambiguous, led_by(found)
-
-
-METHODS: dict[str, tuple[str, Callable[[Pair], tuple[Any, Any, bool, str]]]] = {
-    "kernels": ("kernels", by_kernels),
-    "overlap": ("kernels of the overlap", by_overlap),
+METHODS: dict[str, tuple[str, Callable[[Pair], Found]]] = {
+    "kernels": ("register", by_register()),
+    "overlap": ("register, overlap_steps=1", by_register(overlap_steps=1)),
     "ransac": ("FPFH + RANSAC", peer(start_ransac)),
+    "kiss": ("KISS-Matcher", peer(start_kiss)),
     "fgr": ("FPFH + FGR", peer(start_fast_global)),
     "pca": ("PCA + ICP", peer(start_pca)),
     "icp": ("ICP", peer(start_nothing)),

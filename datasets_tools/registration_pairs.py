@@ -139,3 +139,19 @@ def formula_pairs(count: int) -> Iterator[Pair]:
         yield posed("formula, 1 % noise", number, source, noisy(source, 0.01 * extent, number), np.eye(4))
         yield posed("formula, 400 facets", number, source, decimated(source, 400), np.eye(4))
         yield posed("formula, 20 % cropped", number, source, cropped(source, 0.2, number), np.eye(4))
+
+
+def range_scans(data: Path, most: int | None) -> Iterator[tuple[str, float, Pair]]:
+    """Pairs of real range scans of one object, the largest overlap first; at most so many, at even steps."""
+    import numpy as np
+
+    facts = json.loads((data / "range_scans" / "ground_truth.json").read_text())
+    to_common = {name: np.array(matrix) for name, matrix in facts["T_common_scan"].items()}
+    known = sorted(facts["overlap"].items(), key=lambda item: -item[1])
+    step = 1 if most is None else max(1, len(known) // most)
+    for number, (name, overlap) in list(enumerate(known))[::step]:
+        one, two = name.split("|")
+        source, target = (arrays(data / "range_scans" / part) for part in (one, two))
+        yield name, overlap, posed(
+            f"range scans {name}", number, source, target, np.linalg.inv(to_common[two]) @ to_common[one]
+        )

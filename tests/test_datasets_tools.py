@@ -16,12 +16,13 @@ from voxkernel import as_mesh, best_center, exact_kernel
 
 TOOLS = Path(__file__).resolve().parent.parent / "datasets_tools"
 SCRIPTS = (
-    "check_manifest", "classify", "compare_methods", "evaluate_registration", "make_labels",
-    "make_shapes", "prepare_bu3dfe", "prepare_thingi10k",
+    "check_manifest", "classify", "compare_methods", "evaluate_registration", "evaluate_together",
+    "fit_registration_verdict", "make_labels", "make_shapes", "prepare_bu3dfe", "prepare_thingi10k",
 )  # fmt: skip
 PARTS = (
-    "classification", "faulty_shapes", "known_shapes", "label_formulas", "registration_methods", "registration_pairs",
-    "shape_families", "shape_formulas", "tool",
+    "classification", "faulty_shapes", "known_shapes", "label_formulas", "registration_changes", "registration_methods",
+    "registration_pairs", "registration_rows", "registration_shapes", "scan_sets", "shape_families", "shape_formulas",
+    "tool",
 )  # fmt: skip
 
 

@@ -144,6 +144,7 @@ CALLS = {
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),
+    "register_together": lambda **o: voxkernel.register_together([CUBE, CUBE], **o),
     "spherical_map": lambda **o: voxkernel.spherical_map(CUBE, **o),
     "starshapeness": lambda **o: voxkernel.starshapeness(CUBE, **o),
     "violation": lambda **o: voxkernel.violation(CUBE, [[0, 0, 0]], **o),

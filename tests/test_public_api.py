@@ -32,6 +32,8 @@ NAMES = [
     "GuardsProgress",
     "HalfSpaces",
     "Harmonics",
+    "JointRegistration",
+    "JudgedPair",
     "Kernel",
     "KernelGrid",
     "KernelMoments",
@@ -83,6 +85,7 @@ NAMES = [
     "read_vdb",
     "register",
     "register_many",
+    "register_together",
     "repair",
     "spherical_map",
     "star_cover",
@@ -213,7 +216,7 @@ def test_every_class_a_public_name_leads_to_is_public():
     finally:
         sys.path.pop(0)
     # These stand on the pages of `voxkernel.grid` and `voxkernel.registration`.
-    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Samples"}
+    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Rim", "Samples", "Skin"}
 
 
 @pytest.mark.parametrize("name", [n for n in CALLABLES if n[0].islower()])

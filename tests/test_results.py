@@ -75,6 +75,12 @@ def comb():
     return voxkernel.guards(shapes.l_prism())
 
 
+@cache
+def joint():
+    mesh = voxkernel.as_mesh(shapes.l_prism())
+    return voxkernel.register_together([mesh, mesh])
+
+
 def polygon_mesh():
     return voxkernel.TriangleMesh.from_polygons(*shapes.prism_polygons([(0, 0), (2, 0), (2, 1), (0, 1)]))
 
@@ -100,6 +106,8 @@ REAL = {
     "Guards": lambda _: comb(),
     "HalfSpaces": lambda _: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE)),
     "Harmonics": lambda _: star().harmonics(2),
+    "JointRegistration": lambda _: joint(),
+    "JudgedPair": lambda _: joint().pairs[0],
     "KernelGrid": lambda _: grid(),
     "KernelMoments": lambda _: voxkernel.kernel_moments(voxkernel.exact_kernel(CUBE)),
     "KernelPoints": lambda _: voxkernel.kernel_points(voxkernel.exact_kernel(CUBE)),

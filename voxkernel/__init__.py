@@ -54,7 +54,16 @@ if TYPE_CHECKING:
         exact_kernels,
         read_polyhedral,
     )
-    from voxkernel.registration import Candidate, PairRegistration, Registration, register, register_many
+    from voxkernel.registration import (
+        Candidate,
+        JointRegistration,
+        JudgedPair,
+        PairRegistration,
+        Registration,
+        register,
+        register_many,
+        register_together,
+    )
     from voxkernel.relaxed import StarCenter, best_center, violation
     from voxkernel.report import write_report
     from voxkernel.spherical import (
@@ -85,6 +94,8 @@ __all__ = [
     "GuardsProgress",
     "HalfSpaces",
     "Harmonics",
+    "JointRegistration",
+    "JudgedPair",
     "Kernel",
     "KernelGrid",
     "KernelMoments",
@@ -136,6 +147,7 @@ __all__ = [
     "read_vdb",
     "register",
     "register_many",
+    "register_together",
     "repair",
     "spherical_map",
     "star_cover",
@@ -168,6 +180,8 @@ _HOMES = {
     "GuardsProgress": "guarding",
     "HalfSpaces": "halfspaces",
     "Harmonics": "spherical",
+    "JointRegistration": "registration",
+    "JudgedPair": "registration",
     "Kernel": "exact",
     "KernelGrid": "voxels",
     "KernelMoments": "measures",
@@ -219,6 +233,7 @@ _HOMES = {
     "read_vdb": "vdb",
     "register": "registration",
     "register_many": "registration",
+    "register_together": "registration",
     "repair": "mesh",
     "spherical_map": "spherical",
     "star_cover": "guarding",

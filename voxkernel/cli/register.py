@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel._extras import check_installed
+from voxkernel.cli import register_together
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -22,24 +23,29 @@ from voxkernel.cli.output import (
 HELP = "the rigid motion that lays one surface on another"
 DESCRIPTION = (
     "Register a source surface to a target through their relaxed kernels, from any pose and without a first guess,\n"
-    "then by ICP on the surfaces. The motion maps source points to target points. Exit code 1 when it did not\n"
-    "converge. An ambiguous answer says why."
+    "then by ICP on the surfaces. The motion maps source points to target points. Exit code 1 for 'no match'.\n"
+    "An answer that is not right without doubt says why."
 )
 EXAMPLES = (
     "voxkernel register scan.ply reference.ply -o T.json",
     "voxkernel register scan.ply reference.ply --apply moved.ply --picture before_after.html",
     "voxkernel register left.ply right.ply --overlap-steps 2 --json",
+    "voxkernel register scan*.ply --together -o poses.json --merged all.ply --picture together.png",
 )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("source", metavar="SOURCE", help="the surface to move: .ply .obj .off .stl ...")
-    parser.add_argument("target", metavar="TARGET", help="the surface that stays")
+    parser.add_argument("target", metavar="TARGET", nargs="+", help="the surface that stays; the others of --together")
     parser.add_argument("-o", "--output", metavar="FILE", help="T.json: the motion, its fit and what was tried")
     parser.add_argument("--apply", metavar="FILE", help="write the moved source: .ply .obj .off .stl")
-    parser.add_argument("--picture", metavar="FILE", help="surfaces and kernels before and after: .html or .png")
+    parser.add_argument(
+        "--picture", metavar="FILE", nargs="?", const="registration.png",
+        help="before, after and how far the surfaces are off: .html or .png; registration.png where no name is given",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    register_together.add_arguments(parser)
     parser.add_argument(
         "--margins", type=_share, nargs="+", metavar="M",
         help="margins of the relaxed kernels, shares of the area; 0.06 0.1 0.15 by default",
@@ -53,11 +59,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--overlap-steps", type=int, default=0, metavar="N",
         help="crop both to their overlap and register again, N times; for partial scans",
     )  # fmt: skip
+    parser.add_argument(
+        "--estimate-scale", action="store_true",
+        help="the surfaces may be of different size; the motion holds the scale",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
     """Register, print, write."""
     check_installed("open3d")
+    register_together.check(args)
+    if args.together:
+        return register_together.run(args)
+    (args.target,) = args.target
     output = None if args.output is None else check_output(args.output, (".json",))
     moved = None if args.apply is None else check_output(args.apply, (".ply", ".obj", ".off", ".stl", ".vtp", ".glb"))
     picture = None if args.picture is None else check_picture(args.picture)
@@ -74,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     with args.stage("registering"):
         found = register(
             source, target, margins=args.margins, refine=args.refine, max_distance=args.max_distance,
-            overlap_steps=args.overlap_steps,
+            overlap_steps=args.overlap_steps, estimate_scale=args.estimate_scale,
         )  # fmt: skip
     document = {"source": args.source, "target": args.target, **found.to_dict()}
     if output is not None:
@@ -94,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(document)
     else:
         print_table(_rows(args, found))
-    return 0 if found.converged else 1
+    return 1 if found.verdict == "no match" else 0
 
 
 def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:
@@ -102,17 +116,21 @@ def _rows(args: argparse.Namespace, found: Any) -> dict[str, str]:
     from scipy.spatial.transform import Rotation
 
     motion = found.T_target_source
-    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    turn = Rotation.from_matrix(motion[:3, :3] / found.scale).as_rotvec()
     angle = float(np.linalg.norm(turn))
     axis = turn / angle if angle > 0 else turn
     rows = {
         "source": display(args.source),
         "target": display(args.target),
+        "verdict": f"{found.verdict}, probability {number(found.probability, 3)}",
         "rotation": f"{number(np.degrees(angle), 8)} degrees about " + "  ".join(number(v, 6) for v in axis),
         "shift": "  ".join(number(v, 10) for v in motion[:3, 3]),
         "fitness": f"{number(100 * found.fitness, 5)} % of the source within {number(found.max_distance, 4)}, "
         f"RMS {number(found.inlier_rmse, 4)}",
         "margin": number(found.margin, 3) if np.isfinite(found.margin) else "no kernel led to the answer",
+        "scale": number(found.scale, 8),
+        "led by": found.led_by or "nothing",
+        "facets": "of one surface turned over" if found.facets_turned else "as given",
         "converged": "yes" if found.converged else "no",
         "ambiguous": "yes" if found.ambiguous else "no",
     }

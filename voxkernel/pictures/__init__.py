@@ -5,6 +5,7 @@ from voxkernel.pictures.guards_picture import guards_picture
 from voxkernel.pictures.registration_picture import registration_picture
 from voxkernel.pictures.sphere_picture import sphere_picture
 from voxkernel.pictures.surface_picture import interactive_page, surface_picture
+from voxkernel.pictures.together_picture import together_picture
 
 __all__ = [
     "cells_picture",
@@ -13,4 +14,5 @@ __all__ = [
     "registration_picture",
     "sphere_picture",
     "surface_picture",
+    "together_picture",
 ]

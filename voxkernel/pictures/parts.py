@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
 
-__all__ = ["INK", "PALE", "Draw", "check_picture", "heading", "save_page", "write_parts"]
+__all__ = ["INK", "PALE", "Draw", "check_picture", "drawn", "heading", "save_page", "write_parts"]
 
 INK, PALE = "#1d2733", "#5d6b7a"
 _HEAD, _TOP = 120, 40
@@ -59,13 +59,13 @@ def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, D
     for i, (name, draw) in enumerate(parts):
         left, upper = (i % 2) * part[0], _HEAD + (i // 2) * part[1]
         room = (part[0], part[1] - _TOP)
-        image = Image.fromarray(_drawn(draw, room)).resize(room, Image.Resampling.LANCZOS)
+        image = Image.fromarray(drawn(draw, room)).resize(room, Image.Resampling.LANCZOS)
         page.paste(image, (left, upper + _TOP))
         _write(pen, (left + 36, upper + 8), name, 21, INK, part[0] - 72)
     page.save(path, optimize=True)
 
 
-def _drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
+def drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
     """One part, larger than needed."""
     from voxkernel.pictures.png import _light, _silent_vtk
 

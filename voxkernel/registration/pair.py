@@ -1,37 +1,56 @@
-"""Solve one pair of prepared surfaces: search, refine the best, doubt the answer, crop to the overlap."""
+"""Solve one pair of prepared surfaces: find the best candidate, refine it, doubt it, crop to the overlap."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
+from voxkernel.registration.contest import Contest, End
+from voxkernel.registration.evidence import Evidence, Fit
 from voxkernel.registration.icp import Refine
+from voxkernel.registration.last import last_refined
+from voxkernel.registration.motions import scaled, to_local, to_world
 from voxkernel.registration.prepare import PreparedSurface, prepare
-from voxkernel.registration.refine import Refined, refined, slack_of
-from voxkernel.registration.score import ScoredSurface, surface_score
-from voxkernel.registration.search import Guess, ScoredCloud, inverse, rotation_angle_deg, search
+from voxkernel.registration.rounding import motion_on_grid
+from voxkernel.registration.score import surface_score
+from voxkernel.registration.search import Guess, rotation_angle_deg
+from voxkernel.registration.side import Side
+from voxkernel.registration.verdict import NAMES, believed, descriptors
 
-__all__ = ["SCORE_REACH", "Solution", "cropped_to_overlap", "scaled", "solve", "to_local", "to_world"]
+__all__ = ["SCORE_REACH", "Judged", "Solution", "cropped_to_overlap", "solve"]
 
+ALL_SOURCES = 5
 SCORE_REACH = 1 / 30  # of the larger diagonal
-_CLOSE = 0.06  # a runner-up of the search within this is refined too
-_MOST_REFINED = 3
 _DISTINCT_DEG = 5.0
-_EQUAL_SCORES = 0.01
+_EQUAL_RANKS = 0.02
 _SLIDES = 4e-3
-_NO_FIT = 0.05
+_NO_FIT = 0.02
+_CLEAR = 0.85  # a probability at which no further source of candidates is asked
+_OTHER_SIZE = 0.02
+_SAME = 1e-4  # a change of the motion that is not measured again
 _MISFIT = "no motion that was tried lays the surfaces on each other, facing the same way"
+_RESTLESS = "ICP has not come to rest on pairs of points"
 _OVERLAP_REACH = 1 / 20
 _LEAST_OVERLAP = 0.02
 
 
+class Judged(NamedTuple):
+    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
+
+    numbers: NDArray[np.float64]
+    probability: float
+    other_size: float
+    size: float
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Solution(Frozen):
-    """The answer for a pair, in world coordinates."""
+    """The answer for a pair, in world coordinates, and what the verdict is made of."""
 
     transform: NDArray[np.float64]
     score: float
@@ -41,70 +60,105 @@ class Solution(Frozen):
     converged: bool
     ambiguous: bool
     reason: str
-    surfaces: tuple[ScoredSurface, ScoredSurface]
-
-
-def to_world(one: PreparedSurface, two: PreparedSurface, local: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn a motion between local frames into one between world coordinates."""
-    return two.T_world_local @ local @ inverse(one.T_world_local)
-
-
-def to_local(one: PreparedSurface, two: PreparedSurface, world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn a motion between world coordinates into one between local frames."""
-    return inverse(two.T_world_local) @ world @ one.T_world_local
-
-
-def scaled(motion: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Change the unit of length of a motion."""
-    changed = motion.copy()
-    changed[:3, 3] *= factor
-    return changed
+    judged: Judged
+    local: NDArray[np.float64]  # between the sides, which are scaled
+    sides: tuple[Side, Side]
+    fit: Fit
 
 
 def solve(
-    pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine
-) -> Solution:
+    pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine,
+    *, sources: int = ALL_SOURCES,
+) -> Solution:  # fmt: skip
     """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped."""
-    scale = max(p.diagonal for p in pair)
-    found = search(*shown, max(p.diagonal for p in shown))
-    guesses = tuple(
-        replace(g, transform=to_world(*shown, g.transform), moved=to_world(*shown, g.moved)) for g in found
-    )
-    clouds = ScoredCloud(pair[0].fine, scale), ScoredCloud(pair[1].fine, scale)
-    surfaces = ScoredSurface(pair[0], scale), ScoredSurface(pair[1], scale)
-    if not guesses or guesses[0].moved_score < _NO_FIT:
+    contest = Contest(*pair)
+    searched = contest if pair is shown else Contest(*shown)
+    known: list[tuple[End, Judged]] = []
+
+    def clear(end: End) -> bool:
+        known.append((end, _measured(searched, end)))
+        return known[-1][1].probability > _CLEAR
+
+    searched.run(clear, sources)
+    guesses = tuple(_in_world(shown, g) for g in sorted(searched.guesses, key=lambda g: -g.moved_score))
+    if searched is not contest:
+        contest.enter([_between(searched, contest, end) for end in searched.ends])
+    best = contest.best
+    if best is None or best.rank < _NO_FIT:
         start = guesses[0].transform if guesses else np.eye(4)
-        reason = _MISFIT
-        return Solution(start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, reason, surfaces)
+        local = motion_on_grid(scaled(to_local(*pair, start), 1.0 / contest.scale))
+        return Solution(
+            start, 0.0, None, _by_kernels(guesses, start), guesses, False, False, _MISFIT,
+            Judged(np.full(len(NAMES), np.nan), 0.0, 1.0, 1.0), local, contest.sides, contest.fit(local),
+        )  # fmt: skip
     if method == "none":
-        return _unrefined(pair, clouds, surfaces, guesses, scale)
-    ends = [_refined(pair, clouds, surfaces, g, method, scale) for g in _distinct(pair, surfaces, guesses, scale)]
-    ends.sort(key=lambda end: -end[0])
-    score, motion, guess = ends[0]
-    doubt = _doubt(clouds, ends)
-    reason = doubt if motion.settled else "ICP has not come to rest on pairs of points"
-    if score < _NO_FIT:
-        doubt, reason = "", _MISFIT
-    world = to_world(*pair, scaled(motion.transform, scale))
-    kernels = _by_kernels(guesses, world)
-    rests = motion.settled and score >= _NO_FIT
-    return Solution(world, score, guess, kernels, guesses, rests, bool(doubt), reason, surfaces)
+        return _unrefined(contest, best, guesses, shown)
+    judged = next((j for end, j in reversed(known) if end is best), None)
+    return _final(contest, best, guesses, method, shown, judged)
+
+
+def _final(
+    contest: Contest, best: End, guesses: tuple[Guess, ...], method: Refine,
+    shown: tuple[PreparedSurface, PreparedSurface], judged: Judged | None,
+) -> Solution:  # fmt: skip
+    """Refine the best at full resolution, then measure it."""
+    end = contest.rested(best)
+    motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
+    same = float(np.abs(motion - best.polished.transform).max()) < _SAME
+    best = contest.measured(end, motion, end.polished)
+    if judged is None or not same:
+        judged = _measured(contest, best)
+    score = surface_score(*contest.sides, best.fit, SCORE_REACH)
+    doubt = _doubt(contest, best)
+    reason = doubt if rests else _RESTLESS
+    world = to_world(*contest.pair, scaled(motion, contest.scale))
+    guess = _in_world(shown, best.guess)
+    return Solution(
+        world, score, guess, _by_kernels(guesses, world), guesses, rests, bool(doubt), reason, judged, motion,
+        contest.sides, best.fit,
+    )  # fmt: skip
 
 
 def _unrefined(
-    pair: tuple[PreparedSurface, PreparedSurface], clouds: tuple[ScoredCloud, ScoredCloud],
-    surfaces: tuple[ScoredSurface, ScoredSurface], guesses: tuple[Guess, ...], scale: float,
-) -> Solution:  # fmt: skip
-    """Take the guess whose short ICP ended best, but give it as the kernels did."""
-    ends: list[tuple[float, Refined, Guess]] = []
-    for guess in _distinct(pair, surfaces, guesses, scale):
-        local = scaled(to_local(*pair, guess.moved), 1.0 / scale)
-        ends.append((surface_score(*surfaces, local, SCORE_REACH), Refined(local, True, 0), guess))
-    ends.sort(key=lambda end: -end[0])
-    best = _by_kernels(guesses, ends[0][2].moved) or ends[0][2]
-    score = surface_score(*surfaces, scaled(to_local(*pair, best.transform), 1.0 / scale), SCORE_REACH)
-    doubt = _doubt(clouds, ends)
-    return Solution(best.transform, score, best, best, guesses, True, bool(doubt), doubt, surfaces)
+    contest: Contest, best: End, guesses: tuple[Guess, ...], shown: tuple[PreparedSurface, PreparedSurface]
+) -> Solution:
+    """Take the guess that leads to the best end, but give it as the kernels did."""
+    world = to_world(*contest.pair, scaled(best.polished.transform, contest.scale))
+    guess = _by_kernels(guesses, world) or _in_world(shown, best.guess)
+    local = scaled(to_local(*contest.pair, guess.transform), 1.0 / contest.scale)
+    fit = contest.fit(local)
+    doubt = _doubt(contest, best)
+    return Solution(
+        guess.transform, surface_score(*contest.sides, fit, SCORE_REACH), guess, guess, guesses, True, bool(doubt),
+        doubt, _measured(contest, best), local, contest.sides, fit,
+    )  # fmt: skip
+
+
+def _measured(contest: Contest, best: End) -> Judged:
+    """Measure an end and believe it or not by what has been tried so far."""
+    evidence = contest.evidence(best.polished.transform, best.fit)
+    rivals = contest.rivals(best)
+    size, similarity = contest.better_size(best)
+    numbers = descriptors(evidence, rivals[0].rank / best.rank if rivals else 0.0, size)
+    probability = believed(numbers)
+    if abs(np.log(size)) > _OTHER_SIZE and _fits_better(contest.evidence(similarity), evidence):
+        return Judged(numbers, min(probability, 0.02), size, size)
+    return Judged(numbers, probability, 1.0, size)
+
+
+def _fits_better(resized: Evidence, evidence: Evidence) -> bool:
+    return resized.systematic < 0.6 * evidence.systematic and resized.agreement >= evidence.agreement - 0.02
+
+
+def _in_world(pair: tuple[PreparedSurface, PreparedSurface], guess: Guess) -> Guess:
+    from dataclasses import replace
+
+    return replace(guess, transform=to_world(*pair, guess.transform), moved=to_world(*pair, guess.moved))
+
+
+def _between(searched: Contest, contest: Contest, end: End) -> tuple[NDArray[np.float64], Guess]:
+    world = to_world(*searched.pair, scaled(end.polished.transform, searched.scale))
+    return scaled(to_local(*contest.pair, world), 1.0 / contest.scale), end.guess
 
 
 def _by_kernels(guesses: tuple[Guess, ...], answer: NDArray[np.float64]) -> Guess | None:
@@ -114,49 +168,18 @@ def _by_kernels(guesses: tuple[Guess, ...], answer: NDArray[np.float64]) -> Gues
     return max(leading or kernels, key=lambda g: g.score, default=None)
 
 
-def _distinct(
-    pair: tuple[PreparedSurface, PreparedSurface], surfaces: tuple[ScoredSurface, ScoredSurface],
-    guesses: tuple[Guess, ...], scale: float,
-) -> list[Guess]:  # fmt: skip
-    """Choose the guesses worth refining: near the best score of all, and apart from each other.
-
-    Scores of samples favour samples that meet; the surfaces themselves decide among those that are close.
-    """
-    kept: list[Guess] = []
-    for guess in guesses:
-        near = guess.moved_score >= guesses[0].moved_score - 2.0 * _CLOSE
-        if near and all(rotation_angle_deg(guess.moved, k.moved) > _DISTINCT_DEG for k in kept):
-            kept.append(guess)
-    kept = kept[: 2 * _MOST_REFINED]
-    if len(kept) < 2:
-        return kept
-    locals_ = [scaled(to_local(*pair, g.moved), 1.0 / scale) for g in kept]
-    scores = [surface_score(*surfaces, motion, SCORE_REACH) for motion in locals_]
-    order = sorted(range(len(kept)), key=lambda k: -scores[k])
-    return [kept[k] for k in order if scores[k] >= scores[order[0]] - _CLOSE][:_MOST_REFINED]
-
-
-def _refined(
-    pair: tuple[PreparedSurface, PreparedSurface], clouds: tuple[ScoredCloud, ScoredCloud],
-    surfaces: tuple[ScoredSurface, ScoredSurface], guess: Guess, method: Refine, scale: float,
-) -> tuple[float, Refined, Guess]:  # fmt: skip
-    start = scaled(to_local(*pair, guess.moved), 1.0 / scale)
-    motion = refined(*clouds, start, method)
-    return surface_score(*surfaces, motion.transform, SCORE_REACH), motion, guess
-
-
-def _doubt(clouds: tuple[ScoredCloud, ScoredCloud], ends: list[tuple[float, Refined, Guess]]) -> str:
+def _doubt(contest: Contest, best: End) -> str:
     """Say why the answer is one of several, or nothing."""
-    best_score, best, _ = ends[0]
-    held = slack_of(*clouds, best.transform)
+    held = contest.slack(best)
     if held[0] < _SLIDES * held[-1]:
         free = int((held < _SLIDES * held[-1]).sum())
         ways = "one way" if free == 1 else f"{free} ways"
         return f"the surfaces slide on each other in {ways}, as spheres and bodies of revolution do"
-    for score, other, _ in ends[1:]:
-        angle = rotation_angle_deg(other.transform, best.transform)
-        if best_score - score < _EQUAL_SCORES and angle > _DISTINCT_DEG:
-            return f"another motion, {angle:.0f} degrees away, fits as well (scores {best_score:.3f} and {score:.3f})"
+    for other in contest.rivals(best):
+        angle = rotation_angle_deg(other.polished.transform, best.polished.transform)
+        if best.rank - other.rank < _EQUAL_RANKS:
+            ranks = f"{best.rank:.3f} and {other.rank:.3f}"
+            return f"another motion, {angle:.0f} degrees away, fits as well (ranks {ranks})"
     return ""
 
 

@@ -17,10 +17,11 @@ from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
 from voxkernel.mesh.triangles import doubled_normals
+from voxkernel.registration.thin import thinned
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
 
-__all__ = ["PreparedSurface", "Samples", "prepare"]
+__all__ = ["PreparedSurface", "Rim", "Samples", "Skin", "kernels_of", "prepare", "rim_of", "samples_of", "simplified"]
 
 KERNEL_DEPTH = 5
 _CENTER_GAP = 2e-3
@@ -42,11 +43,29 @@ class Samples(Frozen):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rim(Frozen):
+    """Which edges (opposite each corner of a facet) and which vertices lie on the rim of a surface."""
+
+    edges: NDArray[np.bool_]
+    vertices: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Skin(Frozen):
+    """Triangles, the unit normals of their smoothed copies, and the rim."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    normals: NDArray[np.float64]
+    rim: Rim
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PreparedSurface(Frozen):
     """One surface in its own frame: centroid at 0, principal axes as coordinate axes, mesh units.
 
-    `T_world_local` leads back. `facet_normals` are those of the smoothed surface, `kernels` the relaxed
-    kernels of a smoothed and thinned copy, one per margin.
+    `T_world_local` leads back. `skin` is a copy of at most some 20,000 facets, `smooth` its vertices after
+    smoothing, `kernels` the relaxed kernels of a copy of that, thinned once more, one per margin.
     """
 
     mesh: TriangleMesh
@@ -55,7 +74,8 @@ class PreparedSurface(Frozen):
     faces: NDArray[np.int64]
     diagonal: float
     area: float
-    facet_normals: NDArray[np.float64]
+    skin: Skin
+    smooth: NDArray[np.float64]
     margins: tuple[float, ...]
     kernels: tuple[KernelGrid, ...]
     moments: tuple[KernelMoments, ...]
@@ -72,16 +92,29 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     T_world_local = np.eye(4)
     T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
-    smooth = _smoothed(vertices, faces)
-    thin = _simplified(smooth, faces, diagonal)
-    kernels = _kernels(thin, margins)
-    vectors = 0.5 * doubled_normals(smooth[faces])
+    thin, thin_faces = thinned(vertices, faces)
+    smooth = _smoothed(thin, thin_faces)
+    few = simplified(smooth, thin_faces, diagonal)
+    kernels = kernels_of(few, margins)
+    vectors = 0.5 * doubled_normals(smooth[thin_faces])
+    own_vectors = vectors if len(thin_faces) == len(faces) else 0.5 * doubled_normals(vertices[faces])
     return PreparedSurface(
         mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
-        _unit(vectors), margins, kernels,
+        Skin(thin, thin_faces, _unit(vectors), rim_of(thin_faces, len(thin))), smooth, margins, kernels,
         tuple(kernel_moments(k) for k in kernels),
-        _coarse_samples(*thin), _fine_samples(vertices, faces, vectors),
+        samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces, own_vectors),
     )  # fmt: skip
+
+
+def rim_of(faces: NDArray[np.int64], count: int) -> Rim:
+    """Find the edges that belong to one facet only."""
+    ends = np.sort(np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1), axis=2)
+    keys = ends[:, :, 0] * np.int64(count) + ends[:, :, 1]
+    _, place, number = np.unique(keys, return_inverse=True, return_counts=True)
+    edges = (number == 1)[place].reshape(keys.shape)
+    vertices = np.zeros(count, bool)
+    vertices[ends[edges].ravel()] = True
+    return Rim(edges, vertices)
 
 
 def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -94,7 +127,8 @@ def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int6
     return vertices, faces.reshape(mesh.faces.shape).astype(np.int64)
 
 
-def _kernels(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
+def kernels_of(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
+    """Compute the relaxed kernels of a smoothed and thinned surface, one for each margin."""
     if not margins:
         return ()
     mesh = TriangleMesh.from_triangles(*surface, source="smoothed surface")
@@ -115,7 +149,7 @@ def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     return np.asarray(open3d_mesh(vertices, faces).filter_smooth_simple(steps).vertices).copy()
 
 
-def _simplified(
+def simplified(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid, unless little would be left."""
@@ -131,8 +165,9 @@ def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _coarse_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Samples:
-    points, owners, _ = spread_samples(vertices, faces, _COARSE_SAMPLES)
+def samples_of(vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int) -> Samples:
+    """Place about so many points on a surface, with the normals of their triangles."""
+    points, owners, _ = spread_samples(vertices, faces, count)
     return Samples(points, _unit(0.5 * doubled_normals(vertices[faces]))[owners])
 
 

@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from voxkernel._checks import as_depth
 from voxkernel._frozen import Frozen
 from voxkernel.errors import VoxKernelError
+from voxkernel.registration.jobs import runner
 from voxkernel.registration.register import Registration, as_margins, prepare_surface, register
 
-if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
-
-__all__ = ["PairRegistration", "register_many"]
-
-
-_Job = tuple[Callable[..., Any], tuple[Any, ...]]
+__all__ = ["PairRegistration", "prepared_or_reason", "register_many", "registered_or_reason"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -107,18 +102,11 @@ def register_many(
     options: dict[str, Any] = {
         "margins": margins, "refine": refine, "max_distance": max_distance, "overlap_steps": overlap_steps
     }  # fmt: skip
-    if n_workers == 1:
-        ready = _in_turn([(_prepared, (surfaces[i], margins)) for i in used], tick, 0)
+    with runner(n_workers, None) as run:
+        ready = run([(prepared_or_reason, (surfaces[i], margins)) for i in used], tick, 0)
         known = dict(zip(used, ready, strict=True))
-        answers = _in_turn([(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
-    else:
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
-
-        with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
-            ready = _at_once(pool, [(_prepared, (surfaces[i], margins)) for i in used], tick, 0)
-            known = dict(zip(used, ready, strict=True))
-            answers = _at_once(pool, [(_registered, (known[a], known[b], options)) for a, b in wanted], tick, len(used))
+        jobs = [(registered_or_reason, (known[a], known[b], options)) for a, b in wanted]
+        answers = run(jobs, tick, len(used))
     return tuple(
         PairRegistration(a, b, *((found, "") if isinstance(found, Registration) else (None, found)))
         for (a, b), found in zip(wanted, answers, strict=True)
@@ -145,7 +133,7 @@ def _check(name: str, position: int, count: int) -> None:
         raise ValueError(f"`{name}` must be positions from 0 to {count - 1}; got {position}")
 
 
-def _prepared(surface: Any, margins: Any) -> Any:
+def prepared_or_reason(surface: Any, margins: Any) -> Any:
     """Prepare one surface, or say why not."""
     try:
         return prepare_surface(surface, margins=margins)
@@ -153,31 +141,9 @@ def _prepared(surface: Any, margins: Any) -> Any:
         return str(error) or type(error).__name__
 
 
-def _registered(source: Any, target: Any, options: dict[str, Any]) -> Registration | str:
+def registered_or_reason(source: Any, target: Any, options: dict[str, Any]) -> Registration | str:
+    """Register a pair of what `prepared_or_reason` gave, or say why not."""
     for surface in (source, target):
         if isinstance(surface, str):
             return surface
     return register(source, target, **options)
-
-
-def _in_turn(jobs: Sequence[_Job], tick: Callable[[int], None], done: int) -> list[Any]:
-    answers: list[Any] = []
-    for count, (work, given) in enumerate(jobs, start=done + 1):
-        answers.append(work(*given))
-        tick(count)
-    return answers
-
-
-def _at_once(
-    pool: ProcessPoolExecutor, jobs: Sequence[_Job], tick: Callable[[int], None], done: int
-) -> list[Any]:
-    from concurrent.futures import as_completed
-
-    tasks: list[Future[Any]] = [pool.submit(work, *given) for work, given in jobs]
-    try:
-        for count, _ in enumerate(as_completed(tasks), start=done + 1):
-            tick(count)
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    return [task.result() for task in tasks]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,9 @@ from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.registration.search import rotation_angle_deg
 
-__all__ = ["Candidate", "Registration"]
+__all__ = ["Candidate", "Registration", "Verdict"]
+
+Verdict = Literal["right", "uncertain", "no match"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -24,8 +27,9 @@ class Candidate(Frozen):
     ----------
     T_target_source : (4, 4) float64
         As the kernels (or the frame it came from) gave it, before any ICP.
-    origin : {"kernel", "surface", "net"}
-        Principal frames of kernels, of the surfaces themselves, or a net of rotations.
+    origin : {"kernel", "feature", "part", "surface", "net"}
+        Principal frames of kernels, local features, kernels of parts, frames of the surfaces themselves, or a net of
+        rotations.
     margin : float
         Margin of the kernels; NaN for the other origins.
     score : float
@@ -67,11 +71,24 @@ class Registration(Frozen):
     candidates : tuple of Candidate
         All that were tried, best first.
     converged : bool
-        Whether ICP has come to rest on a fit; with `refine="none"`, whether a candidate fits at all.
+        Whether ICP has come to rest on a fit; with `refine="none"`, whether a candidate fits at all. It does not
+        say that the answer is right.
     ambiguous : bool
         Whether another motion fits as well.
     reason : str
-        Why it is ambiguous or did not converge; "" otherwise.
+        Why it is ambiguous, not right or did not converge; "" otherwise.
+    verdict : {"right", "uncertain", "no match"}
+        Whether to believe the motion.
+    probability : float
+        That the motion is right, in [0, 1].
+    scale : float
+        Size of the target over that of the source: 1 unless it was to be estimated.
+    led_by : str
+        Origin of the candidate that led to the answer; "" where none did.
+    facets_turned : bool
+        Whether the facets of one surface were turned over, because the two face opposite ways.
+    evidence : mapping of str to float
+        What the probability was computed from, by name (`voxkernel.registration.verdict`).
     """
 
     T_target_source: NDArray[np.float64]
@@ -85,14 +102,20 @@ class Registration(Frozen):
     converged: bool
     ambiguous: bool
     reason: str
+    verdict: Verdict = "uncertain"
+    probability: float = 0.5
+    scale: float = 1.0
+    led_by: str = ""
+    facets_turned: bool = False
+    evidence: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __repr__(self) -> str:
         """Name angle, fit and doubts."""
         angle = rotation_angle_deg(self.T_target_source, np.eye(4))
         doubts = f", {self.reason!r}" if self.reason else ""
         return (
-            f"Registration(rotation_deg={angle:.6g}, fitness={self.fitness:.6g}, "
-            f"inlier_rmse={self.inlier_rmse:.6g}, converged={self.converged}, ambiguous={self.ambiguous}{doubts})"
+            f"Registration({self.verdict!r}, probability={self.probability:.3g}, rotation_deg={angle:.6g}, "
+            f"fitness={self.fitness:.6g}, inlier_rmse={self.inlier_rmse:.6g}, score={self.score:.4g}{doubts})"
         )
 
     def apply(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -113,6 +136,12 @@ class Registration(Frozen):
             "converged": self.converged,
             "ambiguous": self.ambiguous,
             "reason": self.reason,
+            "verdict": self.verdict,
+            "probability": self.probability,
+            "scale": self.scale,
+            "led_by": self.led_by,
+            "facets_turned": self.facets_turned,
+            "evidence": dict(self.evidence),
             "candidates": [
                 {
                     "T_target_source": c.T_target_source,

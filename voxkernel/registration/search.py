@@ -10,21 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
-from voxkernel._open3d import open3d
 from voxkernel.measures import KernelMoments
-from voxkernel.registration.icp import icp
 from voxkernel.registration.prepare import PreparedSurface, Samples
+from voxkernel.registration.rounding import motion_on_grid, on_grid
 
-__all__ = ["Guess", "ScoredCloud", "frame_transforms", "inverse", "pair_score", "rotation_angle_deg", "search"]
+__all__ = [
+    "Guess", "ScoredCloud", "add_guesses", "frame_transforms", "inverse", "kernel_guesses", "net_guesses",
+    "pair_scores", "rotation_angle_deg", "stepped", "tried",
+]  # fmt: skip
 
 _SAME_DEG = 10.0  # guesses nearer than this lead to the same place
 _MANY = 24  # guesses after which they must be farther apart
 _NEAR = 1 / 15  # of the diagonal: pairs farther apart count as nothing when guesses are scored
 _FAR = 1 / 8
-_STEPS = 15
-_MOST_MORE = 16  # of the guesses that do not come from kernels
+_STEPS = 10
+_MOVED = 300  # samples of the source that a short ICP moves, at least
+_FEWEST = 6
+_RESTS = 1e-5
 _FACING = 0.5  # cosine between normals of a pair that counts
-_CLEAR = 0.7  # a score below which more rotations are tried
 _EQUAL_AXES = 0.1  # axes whose spreads differ by less than this share can be exchanged
 
 
@@ -41,40 +44,81 @@ class Guess(Frozen):
 
 
 class ScoredCloud:
-    """Samples with a search tree and an Open3D cloud, scaled to the size of the pair."""
+    """Samples with a search tree, scaled to the size of the pair."""
 
     def __init__(self, samples: Samples, scale: float) -> None:
         from scipy.spatial import KDTree
 
-        library = open3d()
-        self.points = samples.points / scale
-        self.normals = samples.normals
-        self.n_vertices = samples.n_vertices
+        self.points = on_grid(samples.points / scale)
+        self.normals = on_grid(samples.normals)
         self.tree = KDTree(self.points)
-        self.cloud: Any = library.geometry.PointCloud(library.utility.Vector3dVector(self.points.copy()))
-        self.cloud.normals = library.utility.Vector3dVector(self.normals.copy())
+        step = max(1, len(self.points) // _MOVED)
+        self.few, self.few_normals = self.points[::step], self.normals[::step]
 
-    def share_near(self, other: ScoredCloud, transform: NDArray[np.float64], reach: float) -> float:
-        """Mean over the points of 1 - (d / reach)^2, 0 beyond reach or where the normals disagree."""
-        _, found, nearest, distances = self.pairs(other, transform, reach)
-        turned = self.normals[found] @ transform[:3, :3].T
-        agree = np.einsum("ij,ij->i", turned, other.normals[nearest]) > _FACING
-        return float(np.sum(1.0 - (distances[agree] / reach) ** 2)) / len(self.points)
+    def nearest(
+        self, points: NDArray[np.float64], reach: float
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
+        """For points (..., 3) whether a sample lies within reach, the nearest one, and how far it is."""
+        answer: Any = self.tree.query(points.reshape(-1, 3), distance_upper_bound=reach)
+        shape = points.shape[:-1]
+        distances: NDArray[np.float64] = answer[0].reshape(shape)
+        return np.isfinite(distances), np.minimum(answer[1], len(self.points) - 1).reshape(shape), distances
 
-    def pairs(
-        self, other: ScoredCloud, transform: NDArray[np.float64], reach: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """Move the points; those with a partner within reach, their partners, and how far apart they are."""
-        moved = self.points @ transform[:3, :3].T + transform[:3, 3]
-        answer: Any = other.tree.query(moved, distance_upper_bound=reach)
-        found = np.flatnonzero(np.isfinite(answer[0]))
-        return moved[found], found, answer[1][found], answer[0][found]
+    def shares_near(self, other: ScoredCloud, motions: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+        """For each motion the mean over samples of 1 - (d / reach)^2, 0 beyond reach or where the normals disagree."""
+        turns = motions[:, :3, :3].transpose(0, 2, 1)
+        near, ids, distances = other.nearest(self.few @ turns + motions[:, None, :3, 3], reach)
+        near &= np.einsum("gni,gni->gn", self.few_normals @ turns, other.normals[ids]) > _FACING
+        return np.where(near, 1.0 - (np.where(near, distances, 0.0) / reach) ** 2, 0.0).mean(axis=1)
 
 
-def pair_score(source: ScoredCloud, target: ScoredCloud, transform: NDArray[np.float64], reach: float) -> float:
+def pair_scores(
+    source: ScoredCloud, target: ScoredCloud, motions: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
     """Mean of the shares of both surfaces that lie near the other, facing the same way; 1 is a perfect fit."""
-    back = inverse(transform)
-    return 0.5 * (source.share_near(target, transform, reach) + target.share_near(source, back, reach))
+    backs = np.stack([inverse(m) for m in motions])
+    return 0.5 * (source.shares_near(target, motions, reach) + target.shares_near(source, backs, reach))
+
+
+def stepped(
+    source: ScoredCloud, target: ScoredCloud, starts: NDArray[np.float64], reach: float, steps: int
+) -> NDArray[np.float64]:
+    """Move all motions by so many steps of point-to-plane ICP; one that has come to rest stays."""
+    motions, going = starts.copy(), np.arange(len(starts))
+    for _ in range(steps):
+        now = motions[going]
+        moved = source.few @ now[:, :3, :3].transpose(0, 2, 1) + now[:, None, :3, 3]
+        near, ids, _ = target.nearest(moved, reach)
+        normals = target.normals[ids]
+        offsets = np.einsum("gni,gni->gn", target.points[ids] - moved, normals)
+        middle = moved.mean(axis=1)
+        rows = np.concatenate([np.cross(moved - middle[:, None], normals), normals], axis=2)
+        rows[~near] = 0.0
+        turned = rows.transpose(0, 2, 1)
+        matrix = turned @ rows
+        spread = np.einsum("gii->g", matrix)
+        held = (near.sum(axis=1) >= _FEWEST) & (spread > 0)
+        going, now, middle = going[held], now[held], middle[held]
+        if not len(going):
+            break
+        matrix = matrix[held] + 1e-9 * spread[held, None, None] * np.eye(6)
+        answer = np.linalg.solve(matrix, (turned @ offsets[..., None])[held])[..., 0]
+        change = _small_motions(answer, middle)
+        motions[going] = change @ now
+        going = going[np.abs(change - np.eye(4)).max(axis=(1, 2)) > _RESTS]
+    return motions
+
+
+def _small_motions(steps: NDArray[np.float64], middles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Motions (k, 4, 4) from turns (at most half a radian) about the middles, and shifts."""
+    from scipy.spatial.transform import Rotation
+
+    length = np.linalg.norm(steps[:, :3], axis=1, keepdims=True)
+    turns = Rotation.from_rotvec(steps[:, :3] * np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))).as_matrix()
+    motions = np.tile(np.eye(4), (len(steps), 1, 1))
+    motions[:, :3, :3] = turns
+    motions[:, :3, 3] = middles + steps[:, 3:] - np.einsum("kij,kj->ki", turns, middles)
+    return motions
 
 
 def inverse(motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,15 +177,17 @@ def _motion(rotation: NDArray[np.float64], start: NDArray[np.float64], end: NDAr
     return motion
 
 
-def guesses_of(source: PreparedSurface, target: PreparedSurface) -> list[Guess]:
-    """Collect the guesses of all kernels, without those that come close to one already there."""
+def kernel_guesses(
+    margins: tuple[float, ...], source: tuple[KernelMoments, ...], target: tuple[KernelMoments, ...], origin: str
+) -> list[Guess]:
+    """Collect the guesses of kernels, margin by margin, without those that come close to one already there."""
     kept: list[Guess] = []
-    for margin, one, two in zip(source.margins, source.moments, target.moments, strict=True):
-        _add(kept, [Guess(t, "kernel", margin, t) for t in frame_transforms(one, two)])
+    for margin, one, two in zip(margins, source, target, strict=False):
+        add_guesses(kept, [Guess(t, origin, margin, t) for t in frame_transforms(one, two)])
     return kept
 
 
-def _fallback(source: PreparedSurface, target: PreparedSurface, kept: list[Guess]) -> list[Guess]:
+def net_guesses(source: PreparedSurface, target: PreparedSurface, kept: list[Guess]) -> list[Guess]:
     """Give more guesses: the frames of the surfaces, then a net of rotations about the kernels' centroids."""
     more: list[Guess] = []
     for a, b in product((1.0, -1.0), repeat=2):
@@ -152,45 +198,35 @@ def _fallback(source: PreparedSurface, target: PreparedSurface, kept: list[Guess
     return [g for g in more if all(rotation_angle_deg(g.transform, k.transform) > 2 * _SAME_DEG for k in kept)]
 
 
-def _add(kept: list[Guess], more: list[Guess]) -> None:
+def add_guesses(kept: list[Guess], more: list[Guess]) -> None:
+    """Add guesses that are not close to one already there."""
     apart = _SAME_DEG if len(kept) < _MANY else 3.0 * _SAME_DEG
     for guess in more:
         if all(rotation_angle_deg(guess.transform, k.transform) > apart for k in kept):
             kept.append(guess)
 
 
-def search(source: PreparedSurface, target: PreparedSurface, scale: float) -> list[Guess]:
-    """Move every guess by a short ICP on few samples, score it, and sort the best first.
+def tried(guesses: list[Guess], clouds: tuple[ScoredCloud, ScoredCloud], scale: float, most: int) -> list[Guess]:
+    """Score guesses, move the best by a short ICP on few samples unless that makes them worse, and sort them."""
+    starts = np.stack([motion_on_grid(_shrunk(g.transform, 1.0 / scale)) for g in guesses])
+    scores = pair_scores(*clouds, starts, _NEAR)
+    order = np.argsort(-scores, kind="stable")[:most]
+    starts, scores = starts[order], scores[order]
+    moved = stepped(*clouds, starts, _FAR, _STEPS)
+    moved = stepped(*clouds, moved, _NEAR, _STEPS)
+    after = pair_scores(*clouds, moved, _NEAR)
+    better = after >= scores
+    ends = [
+        replace(
+            guesses[k], score=float(scores[n]), moved=_shrunk(moved[n] if better[n] else starts[n], scale),
+            moved_score=float(max(after[n], scores[n])),
+        )
+        for n, k in enumerate(order)
+    ]  # fmt: skip
+    return sorted(ends, key=lambda g: -g.moved_score)
 
-    More rotations are tried only where no guess of the kernels fits clearly.
-    """
-    clouds = ScoredCloud(source.coarse, scale), ScoredCloud(target.coarse, scale)
-    first = guesses_of(source, target)
-    tried = [_tried(_scored(g, clouds, scale), clouds, scale) for g in first]
-    if not tried or max(g.moved_score for g in tried) < _CLEAR:
-        more = [_scored(g, clouds, scale) for g in _fallback(source, target, first)]
-        more.sort(key=lambda g: -g.score)
-        tried += [_tried(g, clouds, scale) for g in more[:_MOST_MORE]]
-    return sorted(tried, key=lambda g: -g.moved_score)
 
-
-def _scored(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) -> Guess:
-    start = guess.transform.copy()
-    start[:3, 3] /= scale
-    return replace(guess, score=pair_score(*clouds, start, _NEAR))
-
-
-def _tried(guess: Guess, clouds: tuple[ScoredCloud, ScoredCloud], scale: float) -> Guess:
-    """Move a guess by a short ICP, unless that makes it worse."""
-    source, target = clouds
-    start = guess.transform.copy()
-    start[:3, 3] /= scale
-    moved = start
-    for reach in (_FAR, _NEAR):
-        moved = icp(source.cloud, target.cloud, moved, reach, "point_to_plane", steps=_STEPS, change=1e-6).transform
-    moved_score = pair_score(source, target, moved, _NEAR)
-    if not np.isfinite(moved).all() or moved_score < guess.score:
-        moved, moved_score = start, guess.score
-    moved = moved.copy()
-    moved[:3, 3] *= scale
-    return replace(guess, moved=moved, moved_score=moved_score)
+def _shrunk(motion: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    changed = motion.copy()
+    changed[:3, 3] *= factor
+    return changed

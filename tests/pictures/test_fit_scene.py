@@ -1,0 +1,83 @@
+"""How far surfaces are off in pictures: known distances, the bar, what is grey, and pages of many scans."""
+
+import numpy as np
+import pytest
+import shapes
+
+from voxkernel import JointRegistration
+from voxkernel.pictures import together_picture
+from voxkernel.pictures.fit_scene import bar_colors, fit_of, view_of
+
+GREY = (185, 190, 196)
+
+
+def plate(height, half=1.0, n=12):
+    """A square in the plane z = height, its facets upward."""
+    side = np.linspace(-half, half, n)
+    x, y = np.meshgrid(side, side, indexing="ij")
+    at = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (v.ravel() for v in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(n * n, height)])
+    return points, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def test_distance_of_two_plates_is_their_gap():
+    fit = fit_of([plate(0.0), plate(0.03)], 0.1)
+    for distances in fit.distances:
+        np.testing.assert_allclose(distances, 0.03, atol=1e-6)
+    assert fit.unexplained == 0.0
+    assert fit.shares.sum() == pytest.approx(1.0)
+    assert fit.end == pytest.approx(0.05)  # rounded up to 1, 2 or 5
+    assert fit.shares[np.searchsorted(fit.edges, 0.03) - 1] == pytest.approx(1.0)
+
+
+def test_what_is_far_or_faces_the_other_way_is_unexplained():
+    points, faces = plate(0.03)
+    assert fit_of([plate(0.0), (points, faces[:, ::-1])], 0.1).unexplained == pytest.approx(1.0)
+    assert fit_of([plate(0.0), plate(0.3)], 0.1).unexplained == pytest.approx(1.0)
+    # A plate of half the size explains about a quarter of the larger one.
+    fit = fit_of([plate(0.0, n=81), plate(0.0, half=0.5, n=41)], 1e-3)
+    assert fit.unexplained == pytest.approx(0.75 * 4 / (4 + 1), abs=0.03)
+
+
+def test_units_do_not_matter():
+    one = fit_of([plate(0.0), plate(0.03)], 0.1)
+    two = fit_of([(1e4 * p, f) for p, f in (plate(0.0), plate(0.03))], 1e3)
+    np.testing.assert_allclose(two.edges, 1e4 * one.edges, rtol=1e-9)
+    np.testing.assert_allclose(two.shares, one.shares, atol=1e-6)
+
+
+def test_bar_begins_dark_ends_light_and_nan_is_grey():
+    colors = bar_colors(np.array([0.0, 1.0, 7.0, np.nan]))
+    assert colors[0].sum() < colors[1].sum()
+    assert colors[1].tolist() == colors[2].tolist()
+    assert tuple(colors[3]) == GREY
+
+
+def test_open_surfaces_are_seen_from_their_front():
+    view, up = view_of([plate(0.0)])
+    assert view[2] > 0.5
+    assert np.linalg.norm(view) == pytest.approx(1.0)
+    assert abs(up[2]) < 0.1
+
+
+def joint(poses, apart):
+    groups = (tuple(i for i in range(len(poses)) if i not in apart),)
+    return JointRegistration(np.array(poses), 0, groups, apart, ("",) * len(poses), (), 0.2, 0.1)
+
+
+def test_page_of_many_scans(tmp_path):
+    nothing = np.full((4, 4), np.nan)
+    found = joint([np.eye(4), np.eye(4), nothing], (2,))
+    scans = [plate(0.0), plate(0.01), shapes.cube()]
+    together_picture(tmp_path / "p.html", scans, found, names=["one", "<two>", "three"], title="<many>")
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "&lt;many&gt;" in page
+    assert "three: belongs to nothing" in page
+    assert "mesh units" in page
+    with pytest.raises(ValueError, match="`surfaces` must be the 3 that were registered; got 1"):
+        together_picture(tmp_path / "p.html", scans[:1], found)
+    with pytest.raises(ValueError, match=r"`path` must end in \.png or \.html"):
+        together_picture(tmp_path / "p.jpg", scans, found)
+    with pytest.raises(ValueError, match="`found` must hold scans that belong together; got none"):
+        together_picture(tmp_path / "p.png", scans[:1], joint([nothing], (0,)))

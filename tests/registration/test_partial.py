@@ -1,0 +1,124 @@
+"""Registration of surfaces that share a part or nothing: clutter, crops of both, other sizes, what the verdict says."""
+
+import numpy as np
+import pytest
+import shapes
+from test_register import moved, off, pose
+
+from voxkernel import register
+from voxkernel.registration.evidence import Evidence
+from voxkernel.registration.verdict import NAMES, SIGNS, believed, descriptors, verdict_of
+
+
+def hills(seed=4, n=40):
+    """An open height field of Gaussian hills, without any symmetry."""
+    rng = np.random.default_rng(seed)
+    spots, sizes, heights = rng.uniform(0, 1, (9, 2)), rng.uniform(0.08, 0.2, 9), rng.uniform(-0.12, 0.3, 9)
+    axis = np.linspace(0.0, 1.0, n + 1)
+    x, y = (a.ravel() for a in np.meshgrid(1.3 * axis, axis, indexing="ij"))
+    gaps = (x[:, None] - 1.3 * spots[:, 0]) ** 2 + (y[:, None] - spots[:, 1]) ** 2
+    z = np.exp(-0.5 * gaps / sizes**2) @ heights
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    a, b, c, d = corner, corner + n + 1, corner + n + 2, corner + 1
+    return np.column_stack([x, y, z]), np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def part(surface, low, high):
+    """The facets whose middles lie between two values of x, with the vertices they use."""
+    vertices, faces = surface
+    middles = vertices[faces].mean(axis=1)[:, 0]
+    used, renumbered = np.unique(faces[(middles >= low) & (middles <= high)], return_inverse=True)
+    return vertices[used], renumbered.reshape(-1, 3)
+
+
+def away(surface, seed):
+    motion = pose(seed, 2.0)
+    return motion, (moved(motion, surface[0]), surface[1])
+
+
+def with_floor(surface):
+    """The surface and a square three times as wide below it."""
+    vertices, faces = surface
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 2.3, 12), np.linspace(-1, 2, 12), indexing="ij"))
+    corner = (np.arange(11)[:, None] * 12 + np.arange(11)).ravel()
+    a, b, c, d = corner, corner + 12, corner + 13, corner + 1
+    floor = np.column_stack([x, y, np.full(len(x), -0.5)])
+    more = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]) + len(vertices)
+    return np.concatenate([vertices, floor]), np.concatenate([faces, more])
+
+
+def test_clutter_does_not_lead_astray():
+    whole = hills()
+    motion, target = away(with_floor(whole), 1)
+    found = register(whole, target)
+    assert (found.verdict, found.ambiguous) == ("right", False)
+    assert off(found.T_target_source, motion, whole[0]) < 1e-3
+
+
+def test_two_parts_with_a_strip_in_common_and_the_inverse():
+    whole = hills()
+    left = part(whole, 0.0, 0.9)
+    motion, right = away(part(whole, 0.4, 1.3), 2)
+    there, back = register(left, right), register(right, left)
+    assert there.verdict == back.verdict == "right"
+    assert there.probability == pytest.approx(back.probability, abs=1e-6)
+    assert off(there.T_target_source, motion, left[0]) < 1e-3
+    np.testing.assert_allclose(there.T_target_source @ back.T_target_source, np.eye(4), atol=1e-9)
+
+
+def test_parts_with_nothing_in_common_are_not_called_right():
+    whole = hills()
+    _, right = away(part(whole, 0.66, 1.3), 3)
+    found = register(part(whole, 0.0, 0.64), right)
+    assert found.verdict != "right"
+    assert found.reason
+
+
+@pytest.mark.parametrize("size", [1.1, pytest.param(2.0, marks=pytest.mark.slow)])
+def test_another_size_is_refused_named_and_estimated(size):
+    whole = hills()
+    motion, target = away((whole[0] * size, whole[1]), 4)
+    refused = register(whole, target)
+    assert refused.verdict == "no match"
+    assert f"at a scale of {size:.3g}" in refused.reason
+    assert refused.scale == 1.0
+    found = register(whole, target, estimate_scale=True)
+    assert found.verdict == "right"
+    assert found.scale == pytest.approx(size, rel=1e-4)
+    truth = motion @ np.diag([size, size, size, 1.0])
+    assert off(found.T_target_source, truth, whole[0]) < 1e-3
+    np.testing.assert_allclose(found.apply(whole[0]), target[0], atol=1e-3)
+
+
+@pytest.mark.slow
+def test_the_mirror_image_is_not_right():
+    whole = hills()
+    mirrored = whole[0] * [-1, 1, 1], whole[1][:, ::-1]
+    assert register(whole, away(mirrored, 5)[1]).verdict != "right"
+
+
+GOOD = Evidence(0.9, 0.6, 0.98, 0.001, 0.002, 0.04, 0.05, 0.4, 0.02, 0.001)
+
+
+def test_the_model_keeps_the_sense_of_its_evidence():
+    base = descriptors(GOOD, 0.3, 1.001)
+    assert len(base) == len(NAMES) == len(SIGNS)
+    for k, sign in enumerate(SIGNS):
+        more = base.copy()
+        more[k] += sign
+        assert believed(more) >= believed(base), NAMES[k]
+    assert believed(base) > 0.8
+    bad = descriptors(GOOD._replace(agreement=0.7, systematic=0.018, shortfall=0.45, turned=0.11), 0.9, 1.05)
+    assert believed(bad) < 0.1
+
+
+def test_a_doubted_answer_is_never_right():
+    assert verdict_of(0.999, doubted=False) == "right"
+    assert verdict_of(0.999, doubted=True) == "uncertain"
+    assert verdict_of(0.5, doubted=False) == "uncertain"
+    assert verdict_of(0.01, doubted=False) == verdict_of(0.01, doubted=True) == "no match"
+
+
+def test_symmetric_shapes_are_uncertain():
+    found = register(shapes.cube(), away(shapes.cube(), 6)[1])
+    assert (found.verdict, found.ambiguous) == ("uncertain", True)
