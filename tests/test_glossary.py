@@ -11,6 +11,7 @@ import pytest
 import shapes
 
 import voxkernel
+from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.polyhedral import PolyhedralMesh
 from voxkernel.registration import prepare_surface
@@ -113,6 +114,8 @@ IMAGE = voxkernel.LabelImage.from_array(np.ones((2, 2), np.uint8), spacing=(1, 1
 SPHERE = voxkernel.spherical_map(CUBE)
 SAMPLES, HARMONICS = SPHERE.sample(n=8), SPHERE.harmonics(2)
 CALLS = {
+    "HalfSpaces.coplanar_groups": lambda **o: HalfSpaces.from_planes([[1, 0, 0]], [1]).coplanar_groups(**o),
+    "kernel_of_halfspaces": lambda **o: kernel_of_halfspaces(HalfSpaces.from_planes([[1, 0, 0]], [1]), None, **o),
     "HalfSpaces.from_mesh": lambda **o: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE), **o),
     "EvaluateSettings": voxkernel.EvaluateSettings,
     "Harmonics.on_grid": HARMONICS.on_grid,

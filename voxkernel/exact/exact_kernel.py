@@ -73,13 +73,13 @@ def exact_kernel(
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    count = as_depth("threads", threads, 1, 256)
-    found = surface_argument(surface, facets, threads=count)
-    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=count)
+    found = surface_argument(surface, facets, threads=as_depth("threads", threads, 1, 256))
+    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=threads)
 
 
 def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threads: int = 1) -> KernelPolytope:
     """Compute the kernel of half-spaces inside a domain (None: everywhere)."""
+    threads = as_depth("threads", threads, 1, 256)
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
     unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)

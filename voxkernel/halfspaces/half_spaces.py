@@ -344,7 +344,8 @@ class HalfSpaces(Frozen):
         beyond 2**-300 .. 2**300 nothing is grouped, and in a cone no facet is with an explicit half-space.
         Merging saves work, no answer depends on it.
         """
-        return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, threads)
+        count = as_depth("threads", threads, 1, 256)
+        return coplanar_groups(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, count)
 
     def first_of_planes(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of ascending rows, the first on each plane, as `coplanar_groups` finds them."""

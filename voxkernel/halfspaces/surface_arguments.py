@@ -57,7 +57,7 @@ RELAXED = DefaultDomain(
     why="A relaxed kernel of a closed surface leaks out of it; the hull of an open one cuts at its crop border.",
 )  # fmt: skip
 REGISTRATION = DefaultDomain(
-    ("register", "register_many", "prepare_surface"),
+    ("register", "register_many", "register_together", "prepare_surface"),
     closed="ball", opened="ball", half_spaces="not taken",
     why="Crops of one object have other hulls, and the border of a crop would end the kernel.",
 )  # fmt: skip
