@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import frexp, ldexp, sqrt
+from math import frexp
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, read_only
-from voxkernel._core import StopFlag, boundary_is_zero, coordinate_range, coplanar_groups, facet_planes
+from voxkernel._core import boundary_is_zero, coordinate_range, coplanar_groups
 from voxkernel._frozen import Frozen
-from voxkernel._threads import run_parts, stretches
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.integer_planes import (
     IntegerPlane,
-    bits_of,
     dyadic_sum,
     explicit_plane,
     lattice_bits,
     ratios,
-    round_plane,
     to_float,
     triangle_plane,
 )
-from voxkernel.halfspaces.rational_program import rank_of
+from voxkernel.halfspaces.local_frame import LARGEST, THINNEST, LocalFrame, local_planes, power_of_two, span_space
 from voxkernel.mesh import TriangleMesh
 
 __all__ = ["HalfSpaces"]
 
 _EXPLICIT_ERROR = 32 * 2.0**-53
-_LARGEST = 2.0**200
-_THINNEST = 2.0**-300
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -112,59 +107,75 @@ class HalfSpaces(Frozen):
         TypeError, ValueError
             If `threads` is not an integer from 1 to 256.
         """
-        return cls._from_spans(mesh, _THINNEST, as_depth("threads", threads, 1, 256))
+        return cls._from_spans(mesh, THINNEST, as_depth("threads", threads, 1, 256))
 
     @classmethod
     def _from_spans(cls, mesh: TriangleMesh, thinnest: float, threads: int = 1) -> HalfSpaces:
         """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
-        low, high, smallest = coordinate_range(vertices, faces)
-        origin, scale = _local_frame(low, high)
-        _check_spans((high - low).tolist(), thinnest)
-        bits = bits_of(smallest)
+        frame = LocalFrame.of_range(*coordinate_range(vertices, faces), thinnest)
         n = len(corners)
-        normals, offsets = np.empty((n, 3)), np.empty(n)
-        areas, errors = np.empty(n), np.empty(n)
-
-        def fill(rows: slice, _: StopFlag) -> int:
-            arrays = normals[rows], offsets[rows], areas[rows], errors[rows]
-            return facet_planes(vertices, corners[rows], origin, 1.0 / scale, *arrays)
-
-        undecided = sum(run_parts(fill, stretches(n, threads), threads))
+        normals, offsets, areas, errors = local_planes(vertices, corners, frame, threads)
         bounds_volume = boundary_is_zero(mesh.faces, len(vertices))
-        if undecided:
-            frame = (origin, scale, bits)
-            for i in np.flatnonzero(errors == -1.0):
-                plane = triangle_plane(vertices, corners[i], bits)
-                normals[i], offsets[i], areas[i], errors[i] = round_plane(plane, *frame)
         keep = errors >= 0.0
         n_kept = int(np.count_nonzero(keep))
         if n_kept == 0:
             raise MeshError(f"`mesh` must have a facet with positive area; got {n} facets without area")
-        areas = mesh.plane_areas.copy() if mesh.plane_corners is not mesh.faces else areas * scale**2
+        areas = mesh.plane_areas.copy() if mesh.plane_corners is not mesh.faces else areas * frame.scale**2
         facet_ids = mesh.plane_facets
         if n_kept < n:
             normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
             facet_ids, corners = facet_ids[keep], corners[keep]
         if bounds_volume:
-            exact = (triangle_plane(vertices, row, bits)[:3] for row in corners)
-            bounds_volume = _span_space(normals, exact)
+            exact = (triangle_plane(vertices, row, frame.bits)[:3] for row in corners)
+            bounds_volume = span_space(normals, exact)
         return cls(
             local_normals=read_only(normals),
             local_offsets=read_only(offsets),
             local_errors=read_only(errors),
             weights=read_only(areas),
             facet_ids=read_only(facet_ids),
-            origin=read_only(origin),
-            scale=scale,
+            origin=read_only(frame.origin),
+            scale=frame.scale,
             n_degenerate=n - n_kept,
             bounds_volume=bounds_volume,
             _vertices=vertices,
             _corners=read_only(corners),
             _explicit=read_only(np.empty((0, 4))),
-            _lattice_bits=bits,
+            _lattice_bits=frame.bits,
             is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,
+        )
+
+    @classmethod
+    def _in_frame(
+        cls, corners: NDArray[np.float64], facet_ids: NDArray[np.int64], frame: LocalFrame
+    ) -> HalfSpaces:
+        """Build those of some triangles (m, 3, 3) of a surface in the frame of all of it: the same to the last bit.
+
+        Triangles without area are left out and counted.
+        """
+        vertices = corners.reshape(-1, 3)
+        ids = np.arange(len(vertices)).reshape(-1, 3)
+        normals, offsets, areas, errors = local_planes(vertices, ids, frame, 1)
+        keep = errors >= 0.0
+        if not keep.all():
+            normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
+            ids, facet_ids = ids[keep], facet_ids[keep]
+        return cls(
+            local_normals=normals,
+            local_offsets=offsets,
+            local_errors=errors,
+            weights=areas * frame.scale**2,
+            facet_ids=facet_ids,
+            origin=frame.origin,
+            scale=frame.scale,
+            n_degenerate=len(corners) - len(ids),
+            bounds_volume=False,
+            _vertices=vertices,
+            _corners=ids,
+            _explicit=np.empty((0, 4)),
+            _lattice_bits=frame.bits,
         )
 
     @classmethod
@@ -209,7 +220,7 @@ class HalfSpaces(Frozen):
             weights=empty,
             facet_ids=np.empty(0, np.int64),
             origin=read_only(np.zeros(3)),
-            scale=_power_of_two(reach),
+            scale=power_of_two(reach),
             n_degenerate=0,
             bounds_volume=False,
             _vertices=np.empty((0, 3)),
@@ -253,7 +264,7 @@ class HalfSpaces(Frozen):
 
     def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
         """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
-        rows = _as_plane_rows(normals, offsets, most=16 * _LARGEST)  # of a ball around the largest of surfaces
+        rows = _as_plane_rows(normals, offsets, most=16 * LARGEST)  # of a ball around the largest of surfaces
         return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
 
     def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -388,7 +399,7 @@ def _joined(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return read_only(np.concatenate([one, two]))
 
 
-def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = _LARGEST) -> NDArray[np.float64]:
+def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = LARGEST) -> NDArray[np.float64]:
     normal_array = as_points("normals", normals)
     offset_array = np.array(offsets, dtype=np.float64)
     if offset_array.shape != (len(normal_array),):
@@ -415,49 +426,3 @@ def _unit_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
         scaled = rows / np.ldexp(1.0, exponents - 1)[:, None]
     lengths = np.linalg.norm(scaled[:, :3], axis=1)
     return scaled[:, :3] / lengths[:, None], scaled[:, 3] / lengths
-
-
-def _power_of_two(value: float) -> float:
-    """Choose the smallest power of two that is at least `value`, so that scaling is exact."""
-    if value == 0.0:
-        return 1.0
-    mantissa, exponent = frexp(value)
-    return ldexp(1.0, exponent - (mantissa == 0.5))
-
-
-def _local_frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    lower, upper = low.tolist(), high.tolist()
-    largest = max(map(abs, lower + upper))
-    span = max(v - u for u, v in zip(lower, upper, strict=True))
-    if largest > _LARGEST or span < 1 / _LARGEST:
-        raise MeshError(
-            "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
-            f"got a largest coordinate of {largest:.3g} and a span of {span:.3g} (rescale first)"
-        )
-    origin = [u + 0.5 * (v - u) for u, v in zip(lower, upper, strict=True)]
-    square = sum(max(v - o, o - u) ** 2 for u, o, v in zip(lower, origin, upper, strict=True))
-    return np.array(origin), _power_of_two(sqrt(square) * (1 + 1e-12))
-
-
-def _check_spans(spans: list[float], thinnest: float) -> None:
-    thin = [v for v in spans if 0.0 < v < max(spans) * thinnest]
-    if thin:
-        raise MeshError(
-            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
-            f"of {thin[0]:.3g} and {max(spans):.3g} (rescale first)"
-        )
-
-
-def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
-    """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
-    for rows in (normals[:: max(1, len(normals) // 64)], normals):
-        if _least_spread(rows) > 1e-9:
-            return True
-    return rank_of(exact) == 3
-
-
-def _least_spread(normals: NDArray[np.float64]) -> float:
-    """A lower bound of the mean square of unit normals along any direction, up to rounding."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (normals.T @ normals / len(normals)).tolist()
-    # The product of the eigenvalues; two of them have a product of at most (trace / 2)^2 = 1/4.
-    return 4.0 * (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz))

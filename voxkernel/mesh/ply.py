@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from voxkernel.mesh.text_rows import TextLines, parse_rows, ranges, text_lines, whole_numbers
 
-__all__ = ["Polygons", "format_ply", "parse_ply", "parse_rows", "ranges", "whole_numbers"]
+__all__ = [
+    "INDEX_NAMES", "Element", "Polygons", "format_ply", "parse_ply", "parse_rows", "ranges", "read_header",
+    "whole_numbers",
+]  # fmt: skip
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"), **dict.fromkeys(("uchar", "uint8"), "u1"),
@@ -22,7 +25,7 @@ _TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"), **dict.fromkeys(("double", "float64"), "f8"),
 }  # fmt: skip
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-_INDEX_NAMES = ("vertex_indices", "vertex_index")
+INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 
 class Polygons(NamedTuple):
@@ -39,7 +42,9 @@ class _Property(NamedTuple):
     count_dtype: str  # "" for a scalar
 
 
-class _Element(NamedTuple):
+class Element(NamedTuple):
+    """One kind of rows that a header declares."""
+
     name: str
     n: int
     properties: list[_Property]
@@ -55,7 +60,7 @@ class _Element(NamedTuple):
 
 def parse_ply(data: bytes) -> Polygons:
     """Vertices and faces of a PLY file (none where it has none); ValueError says what is wrong with it."""
-    order, elements, at, n_header = _header(data)
+    order, elements, at, n_header = read_header(data)
     vertices: NDArray[np.float64] | None = None
     faces: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
     lines = TextLines([], np.zeros(0, np.int64))
@@ -77,7 +82,7 @@ def parse_ply(data: bytes) -> Polygons:
                 raise ValueError("vertex coordinates are lists")
             vertices = np.stack(picked, axis=1).astype(np.float64)  # type: ignore[arg-type]
         else:
-            column = columns[element.find(*_INDEX_NAMES)]
+            column = columns[element.find(*INDEX_NAMES)]
             if not isinstance(column, tuple):
                 raise ValueError("face indices are not a list")
             flat, sizes = column
@@ -93,14 +98,14 @@ def parse_ply(data: bytes) -> Polygons:
     return Polygons(vertices, *faces)
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], int, int]:
+def read_header(data: bytes) -> tuple[str, list[Element], int, int]:
     """Byte order ("" for text), elements, where the body starts, and the number of lines before it."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     if first is None:
         raise ValueError("it does not start with 'ply'")
     end = re.compile(rb"\r" if first[1] == b"\r" else rb"\n")  # old Macintosh line ends, or all others
     order: str | None = None
-    elements: list[_Element] = []
+    elements: list[Element] = []
     at, number = first.end(), 1
     while True:
         stop = end.search(data, at)
@@ -135,14 +140,14 @@ def _format(words: list[str]) -> str:
     return _ORDERS[words[1]]
 
 
-def _declare(words: list[str], elements: list[_Element]) -> None:
+def _declare(words: list[str], elements: list[Element]) -> None:
     """One `element` or `property` line."""
     if words[0] == "element" and len(words) == 3:
         if not re.fullmatch(r"[0-9]{1,18}", words[2]):
             raise ValueError(f"the number of elements must be 0 or more; got '{words[2][:40]}'")
         if any(element.name == words[1] for element in elements):
             raise ValueError(f"element {words[1]} is there twice")
-        elements.append(_Element(words[1], int(words[2]), []))
+        elements.append(Element(words[1], int(words[2]), []))
         return
     is_list = words[1:2] == ["list"]
     if words[0] != "property" or len(words) != (5 if is_list else 3):
@@ -163,7 +168,7 @@ def _declare(words: list[str], elements: list[_Element]) -> None:
 _Columns = list[NDArray[np.generic] | tuple[NDArray[np.generic], NDArray[np.generic]]]
 
 
-def _text(lines: TextLines, element: _Element) -> _Columns:
+def _text(lines: TextLines, element: Element) -> _Columns:
     """Columns of a text element: scalars as arrays, lists as (flat, sizes)."""
     values, width = lines.rows()
     cursor = np.cumsum(width) - width
@@ -188,7 +193,7 @@ def _text(lines: TextLines, element: _Element) -> _Columns:
     return columns
 
 
-def _binary(data: bytes, at: int, order: str, element: _Element) -> tuple[int, _Columns]:
+def _binary(data: bytes, at: int, order: str, element: Element) -> tuple[int, _Columns]:
     """Columns of a binary element; one structured view where all lists have the sizes of the first row."""
     if element.n == 0:
         return at, []
@@ -222,7 +227,7 @@ def _binary(data: bytes, at: int, order: str, element: _Element) -> tuple[int, _
     return _binary_mixed(data, at, order, element)
 
 
-def _row_sizes(data: bytes, at: int, order: str, element: _Element) -> list[int]:
+def _row_sizes(data: bytes, at: int, order: str, element: Element) -> list[int]:
     """List sizes in the row at `at` (0 for scalars)."""
     sizes: list[int] = []
     for item in element.properties:
@@ -241,7 +246,7 @@ def _row_sizes(data: bytes, at: int, order: str, element: _Element) -> list[int]
     return sizes
 
 
-def _binary_mixed(data: bytes, at: int, order: str, element: _Element) -> tuple[int, _Columns]:
+def _binary_mixed(data: bytes, at: int, order: str, element: Element) -> tuple[int, _Columns]:
     """Rows of different lengths: where each starts is known only after walking all before it."""
     byteorder = "little" if order == "<" else "big"
     plan = [
