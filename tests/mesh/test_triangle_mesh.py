@@ -536,7 +536,7 @@ def test_write_stl_and_unknown_suffix(tmp_path):
     back = as_mesh(str(tmp_path / "body.stl"))
     assert back.facts().is_closed
     assert back.facts().volume == pytest.approx(mesh.facts().volume)
-    with pytest.raises(ValueError, match=r"`path` must end in one of \.obj \.off \.ply \.stl; got"):
+    with pytest.raises(ValueError, match=r"`path` must end in one of \.glb \.obj \.off \.ply \.stl \.vtp; got"):
         mesh.write(tmp_path / "body.xyz")
     big = TriangleMesh.from_triangles(np.array(SQUARE) * 1e39, [[0, 1, 2]])
     with pytest.raises(ValueError, match="must fit in float32"):
