@@ -19,7 +19,7 @@ from voxkernel.registration import prepare_surface
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "glossary.md"
 FACES = (
     "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "guarding", "measures", "spherical",
-    "registration", "polyhedral", "labels", "pictures", "evaluation", "report",
+    "registration", "polyhedral", "labels", "large", "pictures", "evaluation", "report",
 )  # fmt: skip
 REQUIRED = "required"
 

@@ -21,6 +21,7 @@ GROUND = (
 FOLDERS = {
     "mesh": None,
     "halfspaces": None,
+    "large": None,
     "exact": None,
     "relaxed": None,
     "grid": "",

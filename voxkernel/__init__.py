@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         star_polyhedra_kernels,
         write_labels,
     )
+    from voxkernel.large import StreamedSurface, StreamProgress, stream_mesh
     from voxkernel.measures import (
         DefectProfile,
         KernelMoments,
@@ -125,6 +126,8 @@ __all__ = [
     "StarKernels",
     "StarPiece",
     "Starshapeness",
+    "StreamProgress",
+    "StreamedSurface",
     "TriangleMesh",
     "VdbFile",
     "VisibleFraction",
@@ -153,6 +156,7 @@ __all__ = [
     "star_cover",
     "star_polyhedra_kernels",
     "starshapeness",
+    "stream_mesh",
     "violation",
     "violation_grid",
     "visible_fraction",
@@ -211,6 +215,8 @@ _HOMES = {
     "StarKernels": "labels",
     "StarPiece": "guarding",
     "Starshapeness": "measures",
+    "StreamProgress": "large",
+    "StreamedSurface": "large",
     "TriangleMesh": "mesh",
     "VdbFile": "vdb",
     "VisibleFraction": "measures",
@@ -239,6 +245,7 @@ _HOMES = {
     "star_cover": "guarding",
     "star_polyhedra_kernels": "labels",
     "starshapeness": "measures",
+    "stream_mesh": "large",
     "violation": "relaxed",
     "violation_grid": "voxels",
     "visible_fraction": "measures",
@@ -249,9 +256,8 @@ _HOMES = {
     "write_vdb": "vdb",
 }
 _FOLDERS = (
-    "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "labels", "measures", "mesh", "pictures",
-    "polyhedral",
-    "registration", "relaxed", "report", "spherical", "vdb", "voxels",
+    "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "labels", "large", "measures", "mesh",
+    "pictures", "polyhedral", "registration", "relaxed", "report", "spherical", "vdb", "voxels",
 )  # fmt: skip
 
 

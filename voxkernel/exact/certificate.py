@@ -142,8 +142,8 @@ def _common_denominator(values: list[Fraction]) -> int:
 class Proof(Frozen):
     """What a certificate is made of when somebody asks for it.
 
-    `corners` are those of a flat kernel, in lattice coordinates, where it `is_own`; otherwise the half-spaces are those
-    without a domain, whose kernel may have no end, and points of a flat one are found.
+    `corners` are those of a flat kernel, or points that span it, in lattice coordinates, where it `is_own`; otherwise
+    the half-spaces are those without a domain, whose kernel may have no end, and points of a flat one are found.
     """
 
     planes: HalfSpaces

@@ -7,22 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from voxkernel._checks import as_depth, read_only
+from voxkernel._checks import as_depth
+from voxkernel.exact.assembly import empty_kernel, polytope_of
 from voxkernel.exact.certificate import Proof
 from voxkernel.exact.domain_cut import is_bounded, is_cut, without_domain
 from voxkernel.exact.kernel_polytope import KernelPolytope
 from voxkernel.exact.kernel_shape import Shape, flat_shape, solid_shape
+from voxkernel.exact.streamed_kernel import streamed_kernel
 from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_argument
+from voxkernel.large import StreamedSurface
+from voxkernel.large.stream_mesh import reader_of
+from voxkernel.large.surface_reader import SurfaceReader
 
-__all__ = ["exact_kernel", "kernel_of_halfspaces"]
+__all__ = ["exact_kernel", "kernel_of_halfspaces", "kernel_of_stream"]
 
 # Facets whose planes are looked at to see whether sides are flat.
 _SAMPLE = 512
 
 
 def exact_kernel(
-    surface: SurfaceLike, *, facets: Any = None, domain: Any = None, threads: int = 1
+    surface: SurfaceLike | StreamedSurface, *, facets: Any = None, domain: Any = None, threads: int = 1
 ) -> KernelPolytope:
     """Compute the kernel of a surface: the points from which the whole surface can be seen.
 
@@ -31,10 +36,11 @@ def exact_kernel(
 
     Parameters
     ----------
-    surface : mesh, path, (vertices, faces) or HalfSpaces
-        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    surface : mesh, path, (vertices, faces), HalfSpaces or StreamedSurface
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; half-spaces; or a surface of
+        `stream_mesh`, which is read in chunks.
     facets : int array or bool mask, optional
-        Restrict the surface to these facets.
+        Restrict the surface to these facets; not of a streamed one.
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
         Convex polytope in which the kernel is looked for. By default none for surfaces that bound a
         volume and "ball" for open ones, whose kernel can be unbounded.
@@ -73,8 +79,11 @@ def exact_kernel(
     >>> kernel.dimension, round(kernel.volume, 12)
     (3, 0.166666666667)
     """
-    found = surface_argument(surface, facets, threads=as_depth("threads", threads, 1, 256))
-    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=threads)
+    n_threads = as_depth("threads", threads, 1, 256)
+    if isinstance(surface, StreamedSurface):
+        return kernel_of_stream(reader_of(surface, facets), domain)
+    found = surface_argument(surface, facets, threads=n_threads)
+    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=n_threads)
 
 
 def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threads: int = 1) -> KernelPolytope:
@@ -85,41 +94,21 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threa
     unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)
     if inside.dimension < 0:
         proof = Proof(planes, inside, (), is_own=True)
-        return _empty_kernel(
-            cut_by_domain=unclipped.dimension >= 0,
-            is_bounded=unclipped.dimension < 0 or is_bounded(halfspaces),
-            domain=domain,
-            unclipped_dimension=unclipped.dimension,
-            _proof=proof,
-            _unclipped_proof=proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False),
-        )
+        bounded = unclipped.dimension < 0 or is_bounded(halfspaces)
+        own = proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False)
+        return empty_kernel(domain, unclipped.dimension >= 0, bounded, proof, own)
     shape = _solid_shape(planes, inside, threads) if inside.dimension == 3 else flat_shape(planes, inside)
     if shape is None:
         raise ValueError("`domain` must be given for half-spaces whose kernel is unbounded; got None")
     cut = domain is not None and is_cut(halfspaces, domain, unclipped, inside, shape.vertices, shape.rows)
     proof = Proof(planes, inside, shape.corners, is_own=True)
-    return KernelPolytope(
-        dimension=inside.dimension,
-        vertices=shape.vertices,
-        face_starts=shape.face_starts,
-        face_vertices=shape.face_vertices,
-        face_facets=read_only(planes.facet_ids[shape.rows]),
-        vertex_rows=shape.vertex_rows,
-        volume=shape.volume,
-        area=shape.area,
-        centroid=shape.centroid,
-        inertia=shape.inertia,
-        deepest_point=shape.deepest,
-        clearance=shape.clearance,
-        domain=domain,
-        cut_by_domain=cut,
-        is_bounded=not cut or is_bounded(halfspaces),
-        unclipped_dimension=unclipped.dimension,
-        max_residual=shape.residual,
-        volume_bounds=shape.volume_bounds,
-        _proof=proof,
-        _unclipped_proof=proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False),
-    )
+    own = proof if domain is None else Proof(halfspaces, unclipped, (), is_own=False)
+    return polytope_of(shape, domain, cut, not cut or is_bounded(halfspaces), proof, own)
+
+
+def kernel_of_stream(surface: SurfaceReader, domain: Any) -> KernelPolytope:
+    """Compute the kernel of a streamed surface; `domain` is what `exact_kernel` takes."""
+    return streamed_kernel(surface, domain, kernel_of_halfspaces)
 
 
 def _solid_shape(planes: HalfSpaces, inside: Feasibility, threads: int) -> Shape | None:
@@ -135,24 +124,3 @@ def _solid_shape(planes: HalfSpaces, inside: Feasibility, threads: int) -> Shape
     merged = replace(planes.select(heads), bounds_volume=planes.bounds_volume)
     shape = solid_shape(merged, replace(inside, working_set=working_set), threads=threads)
     return None if shape is None else shape._replace(rows=heads[shape.rows], vertex_rows=heads[shape.vertex_rows])
-
-
-def _empty_kernel(**facts: Any) -> KernelPolytope:
-    nowhere = read_only(np.full(3, np.nan))
-    return KernelPolytope(
-        dimension=-1,
-        vertices=read_only(np.empty((0, 3))),
-        face_starts=read_only(np.zeros(1, np.int64)),
-        face_vertices=read_only(np.empty(0, np.int64)),
-        face_facets=read_only(np.empty(0, np.int64)),
-        vertex_rows=read_only(np.empty((0, 3), np.int64)),
-        volume=0.0,
-        area=0.0,
-        centroid=nowhere,
-        inertia=read_only(np.zeros((3, 3))),
-        deepest_point=nowhere,
-        clearance=float("nan"),
-        max_residual=0.0,
-        volume_bounds=(0.0, 0.0),
-        **facts,
-    )

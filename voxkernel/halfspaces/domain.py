@@ -11,18 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import read_only
 from voxkernel._frozen import Frozen
+from voxkernel.halfspaces.area_moments import BLOCK, area_frame
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
-from voxkernel.mesh.triangles import doubled_areas
 
 __all__ = [
     "Domain",
     "as_domain",
     "ball_domain",
+    "bounds_domain",
     "box_domain",
+    "framed_ball",
     "hull_domain",
     "planes_domain",
+    "points_hull",
     "surface_frame",
 ]
 
@@ -118,8 +121,12 @@ def ball_domain(mesh: TriangleMesh, *, factor: float = BALL_FACTOR) -> Domain:
         Of kind "ball".
     """
     centroid, frame = surface_frame(mesh)
-    used = mesh.used_vertices
-    radius = factor * float(np.sqrt(((used - centroid) ** 2).sum(axis=1).max()))
+    reach = float(np.sqrt(((mesh.used_vertices - centroid) ** 2).sum(axis=1).max()))
+    return framed_ball(centroid, frame, factor * reach)
+
+
+def framed_ball(centroid: NDArray[np.float64], frame: NDArray[np.float64], radius: float) -> Domain:
+    """Make the polytope of `ball_domain` around a ball, its planes in a frame."""
     unit = _unit_ball()
     normals = unit.normals @ frame
     return Domain(
@@ -146,9 +153,13 @@ def hull_domain(mesh: TriangleMesh) -> Domain:
     ValueError
         If the vertices lie in one plane.
     """
+    return points_hull(mesh.used_vertices)
+
+
+def points_hull(used: NDArray[np.float64]) -> Domain:
+    """Make the convex hull of points; ValueError where they lie in one plane, or nearly."""
     from scipy.spatial import ConvexHull, QhullError
 
-    used = mesh.used_vertices
     center = used.mean(axis=0)
     try:
         hull = ConvexHull(used - center)
@@ -185,7 +196,11 @@ def box_domain(mesh: TriangleMesh) -> Domain:
     ValueError
         If the box is flat.
     """
-    low, high = mesh.bounds
+    return bounds_domain(*mesh.bounds)
+
+
+def bounds_domain(low: NDArray[np.float64], high: NDArray[np.float64]) -> Domain:
+    """Make the box between two corners; ValueError where it is flat."""
     if not (high > low).all():
         raise ValueError("`domain` must have a volume; got the bounding box of a surface that lies in one plane")
     return _make("box", np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low]))
@@ -232,25 +247,8 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
         of the first two follow the third moments, so the frame turns with the surface unless the
         surface is symmetric.
     """
-    origin = mesh.vertices[mesh.faces[0, 0]]
-    corners = mesh.vertices[mesh.faces] - origin
-    areas = 0.5 * doubled_areas(corners)
-    total = areas.sum()
-    middles = corners.mean(axis=1)
-    mean = areas @ middles / total
-    corners = corners - mean
-    middles = middles - mean
-    weighted = areas[:, None]
-    second = 9.0 * (middles * weighted).T @ middles
-    for k in range(3):
-        second += (corners[:, k] * weighted).T @ corners[:, k]
-    _, vectors = np.linalg.eigh(second / 12.0)
-    frame = vectors[:, ::-1].T.copy()
-    for row in range(2):
-        if areas @ (middles @ frame[row]) ** 3 < 0:
-            frame[row] *= -1
-    frame[2] = np.cross(frame[0], frame[1])
-    return origin + mean, frame
+    vertices, faces = mesh.vertices, mesh.faces
+    return area_frame(lambda: (vertices[faces[i : i + BLOCK]] for i in range(0, len(faces), BLOCK)))
 
 
 @lru_cache(maxsize=1)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +14,48 @@ from voxkernel._core import find_deep_point
 from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
 from voxkernel.halfspaces.half_spaces import HalfSpaces
+from voxkernel.halfspaces.integer_planes import IntegerPlane
 from voxkernel.halfspaces.predicates import touched_and_violated
 from voxkernel.halfspaces.rational_program import deepest_rational_point, kernel_of_rows, rank_of
 from voxkernel.halfspaces.witness import Witness, empty_witness, lifted_witness, witness_of
 
-__all__ = ["Feasibility", "find_feasibility"]
+__all__ = ["EVERY_DIRECTION", "ExactPlanes", "Feasibility", "exact_feasibility", "find_feasibility"]
 
 LatticePoint = tuple[Fraction, Fraction, Fraction]
-_EVERY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+EVERY_DIRECTION = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+_Ids = NDArray[np.int64]
+
+
+class ExactPlanes(Protocol):
+    """What rational arithmetic asks of half-spaces, wherever these are."""
+
+    @property
+    def scale(self) -> float:
+        """Of the local frame."""
+        ...
+
+    @property
+    def is_cone(self) -> bool:
+        """Whether the planes of the surface were moved to the origin."""
+        ...
+
+    @property
+    def lattice_unit(self) -> int:
+        """Lattice units per world unit."""
+        ...
+
+    def from_lattice(self, point: Sequence[Fraction | int]) -> NDArray[np.float64]:
+        """Round an exact lattice point to local coordinates."""
+        ...
+
+    def to_lattice(self, local: NDArray[np.float64]) -> LatticePoint:
+        """Map a local double point to exact lattice coordinates."""
+        ...
+
+    def integer_planes(self, ids: NDArray[Any] | Sequence[int]) -> list[IntegerPlane]:
+        """Planes exactly."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -31,7 +67,7 @@ class Feasibility(Frozen):
     larger. `working_set` holds the half-spaces that mattered. `passes` counts the sweeps over all half-spaces.
     """
 
-    halfspaces: HalfSpaces
+    halfspaces: ExactPlanes
     dimension: int
     exact_point: tuple[Fraction, Fraction, Fraction] | None
     directions: tuple[tuple[int, int, int], ...]
@@ -71,7 +107,9 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
     # Exactly coplanar facets would all be touched and tried one by one: one of each plane is enough.
     groups = halfspaces.coplanar_groups()
     heads = np.flatnonzero(groups == np.arange(len(groups)))
-    found = _exact_stage(halfspaces.select(heads), np.unique(np.searchsorted(heads, groups[rows])), passes)
+    merged = halfspaces.select(heads)
+    rows = np.unique(np.searchsorted(heads, groups[rows]))
+    found = exact_feasibility(merged, rows, passes, lambda point: touched_and_violated(merged, point))
     witnesses = tuple(Witness(tuple(int(heads[i]) for i in w.ids), w.multipliers) for w in found.witnesses)
     return replace(found, halfspaces=halfspaces, witnesses=witnesses, working_set=heads[found.working_set])
 
@@ -86,11 +124,19 @@ def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasib
         return rows, passes, Feasibility(halfspaces, -1, None, (), (witness,), rows, None, gap, passes)
     if depth == 0.0:
         return nearest, passes, None
-    return rows, passes, Feasibility(halfspaces, 3, None, _EVERY, (), rows, point, depth, passes)
+    return rows, passes, Feasibility(halfspaces, 3, None, EVERY_DIRECTION, (), rows, point, depth, passes)
 
 
-def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -> Feasibility:
-    """Decide in rationals on the working set; add half-spaces that object until none does."""
+def exact_feasibility(
+    halfspaces: ExactPlanes,
+    rows: NDArray[np.int64],
+    passes: int,
+    ask: Callable[[LatticePoint], tuple[_Ids, _Ids]],
+) -> Feasibility:
+    """Decide in rationals on a working set without copies; add half-spaces that object until none does.
+
+    `ask` splits the half-spaces that a point is not clear of into touched and violated ones.
+    """
     while True:
         dimension, point, directions, witnesses, equal = _decide_rows(halfspaces, rows)
         if dimension < 0 or point is None:
@@ -98,7 +144,7 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
         if halfspaces.is_cone and dimension == 0:  # the apex satisfies every plane
             local = halfspaces.from_lattice(point)
             return Feasibility(halfspaces, 0, point, directions, witnesses, rows, local, 0.0, passes)
-        touched, violated = touched_and_violated(halfspaces, point)
+        touched, violated = ask(point)
         passes += 1
         fresh = np.setdiff1d(violated, rows)
         if not len(fresh):
@@ -116,10 +162,10 @@ def _exact_stage(halfspaces: HalfSpaces, rows: NDArray[np.int64], passes: int) -
                 local, known = halfspaces.from_lattice(point), np.union1d(rows, equal)
                 return Feasibility(halfspaces, dimension, point, directions, witnesses, known, local, 0.0, passes)
             fresh = np.array(on_rim, np.int64)
-        rows = np.concatenate([rows, _most_different(halfspaces, fresh)])
+        rows = np.concatenate([rows, _most_different(fresh)])
 
 
-def _most_different(halfspaces: HalfSpaces, ids: NDArray[np.int64], count: int = 64) -> NDArray[np.int64]:
+def _most_different(ids: NDArray[np.int64], count: int = 64) -> NDArray[np.int64]:
     """Thin out a long list of objecting planes evenly; the rest objects again if it still matters."""
     return ids if len(ids) <= count else ids[:: -(-len(ids) // count)]
 
@@ -133,7 +179,7 @@ _Decision = tuple[
 ]
 
 
-def _decide_rows(halfspaces: HalfSpaces, rows: NDArray[np.int64]) -> _Decision:
+def _decide_rows(halfspaces: ExactPlanes, rows: NDArray[np.int64]) -> _Decision:
     """Find dimension, relative interior point and witnesses for the working set alone.
 
     Where the largest clearance is zero, the half-spaces with positive multipliers hold with

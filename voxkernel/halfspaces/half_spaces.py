@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import frexp, ldexp
+from math import frexp
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from voxkernel._core import (
     coplanar_groups,
     facet_planes,
     first_of_planes,
-    least_spread,
     plane_frame,
 )
 from voxkernel._frozen import Frozen
@@ -31,18 +30,23 @@ from voxkernel.halfspaces.integer_planes import (
     explicit_plane,
     lattice_bits,
     ratios,
-    round_plane,
     to_float,
     triangle_plane,
 )
-from voxkernel.halfspaces.rational_program import rank_of
+from voxkernel.halfspaces.local_frame import (
+    LARGEST,
+    THINNEST,
+    LocalFrame,
+    check_frame,
+    power_of_two,
+    settle_planes,
+    span_space,
+)
 from voxkernel.mesh import TriangleMesh
 
 __all__ = ["HalfSpaces"]
 
 _EXPLICIT_ERROR = 32 * 2.0**-53
-_LARGEST = 2.0**200
-_THINNEST = 2.0**-300
 _NO_PLANES = read_only(np.empty((0, 4)))
 
 
@@ -121,7 +125,7 @@ class HalfSpaces(Frozen):
         TypeError, ValueError
             If `threads` is not an integer from 1 to 256.
         """
-        return cls._from_spans(mesh, _THINNEST, as_depth("threads", threads, 1, 256))
+        return cls._from_spans(mesh, THINNEST, as_depth("threads", threads, 1, 256))
 
     @classmethod
     def _from_spans(cls, mesh: TriangleMesh, thinnest: float, threads: int = 1) -> HalfSpaces:
@@ -129,7 +133,7 @@ class HalfSpaces(Frozen):
         vertices, corners = mesh.vertices, mesh.plane_corners
         faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
         origin, scale, spans, largest, smallest = plane_frame(vertices, faces)
-        _check_frame(spans, largest, thinnest)
+        check_frame(spans, largest, thinnest)
         bits = bits_of(smallest)
         n = len(corners)
         normals, offsets = np.empty((n, 3)), np.empty(n)
@@ -142,10 +146,7 @@ class HalfSpaces(Frozen):
         undecided = sum(run_parts(fill, stretches(n, threads), threads))
         bounds_volume = boundary_is_zero(mesh.faces, len(vertices), threads)
         if undecided:
-            frame = (origin, scale, bits)
-            for i in np.flatnonzero(errors == -1.0):
-                plane = triangle_plane(vertices, corners[i], bits)
-                normals[i], offsets[i], areas[i], errors[i] = round_plane(plane, *frame)
+            settle_planes(vertices, corners, LocalFrame(origin, scale, bits), normals, offsets, areas, errors)
         keep = errors >= 0.0
         n_kept = int(np.count_nonzero(keep))
         if n_kept == 0:
@@ -157,7 +158,7 @@ class HalfSpaces(Frozen):
             facet_ids, corners = facet_ids[keep], corners[keep]
         if bounds_volume:
             exact = (triangle_plane(vertices, row, bits)[:3] for row in corners)
-            bounds_volume = _span_space(normals, exact)
+            bounds_volume = span_space(normals, exact)
         return cls(
             local_normals=read_only(normals),
             local_offsets=read_only(offsets),
@@ -173,6 +174,40 @@ class HalfSpaces(Frozen):
             _explicit=_NO_PLANES,
             _lattice_bits=bits,
             is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,
+        )
+
+    @classmethod
+    def _in_frame(
+        cls, corners: NDArray[np.float64], facet_ids: NDArray[np.int64], frame: LocalFrame
+    ) -> HalfSpaces:
+        """Build those of some triangles (m, 3, 3) of a surface in the frame of all of it: the same to the last bit.
+
+        Triangles without area are left out and counted.
+        """
+        vertices = corners.reshape(-1, 3)
+        ids = np.arange(len(vertices)).reshape(-1, 3)
+        n = len(ids)
+        normals, offsets, areas, errors = np.empty((n, 3)), np.empty(n), np.empty(n), np.empty(n)
+        if facet_planes(vertices, ids, frame.origin, 1.0 / frame.scale, normals, offsets, areas, errors):
+            settle_planes(vertices, ids, frame, normals, offsets, areas, errors)
+        keep = errors >= 0.0
+        if not keep.all():
+            normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
+            ids, facet_ids = ids[keep], facet_ids[keep]
+        return cls(
+            local_normals=normals,
+            local_offsets=offsets,
+            local_errors=errors,
+            weights=areas * frame.scale**2,
+            facet_ids=facet_ids,
+            origin=frame.origin,
+            scale=frame.scale,
+            n_degenerate=n - len(ids),
+            bounds_volume=False,
+            _vertices=vertices,
+            _corners=ids,
+            _explicit=_NO_PLANES,
+            _lattice_bits=frame.bits,
         )
 
     @classmethod
@@ -217,7 +252,7 @@ class HalfSpaces(Frozen):
             weights=empty,
             facet_ids=np.empty(0, np.int64),
             origin=read_only(np.zeros(3)),
-            scale=_power_of_two(reach),
+            scale=power_of_two(reach),
             n_degenerate=0,
             bounds_volume=False,
             _vertices=np.empty((0, 3)),
@@ -261,7 +296,7 @@ class HalfSpaces(Frozen):
 
     def with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
         """Append explicit half-spaces of weight 0 in world coordinates; their facet ids are -1, -2, ..."""
-        rows = _as_plane_rows(normals, offsets, most=16 * _LARGEST)  # of a ball around the largest of surfaces
+        rows = _as_plane_rows(normals, offsets, most=16 * LARGEST)  # of a ball around the largest of surfaces
         return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
 
     def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -403,7 +438,7 @@ def _joined(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return read_only(np.concatenate([one, two]))
 
 
-def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = _LARGEST) -> NDArray[np.float64]:
+def _as_plane_rows(normals: ArrayLike, offsets: ArrayLike, *, most: float = LARGEST) -> NDArray[np.float64]:
     normal_array = as_points("normals", normals)
     offset_array = np.array(offsets, dtype=np.float64)
     if offset_array.shape != (len(normal_array),):
@@ -430,36 +465,3 @@ def _unit_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
         scaled = rows / np.ldexp(1.0, exponents - 1)[:, None]
     lengths = np.linalg.norm(scaled[:, :3], axis=1)
     return scaled[:, :3] / lengths[:, None], scaled[:, 3] / lengths
-
-
-def _power_of_two(value: float) -> float:
-    """Choose the smallest power of two that is at least `value`, so that scaling is exact."""
-    if value == 0.0:
-        return 1.0
-    mantissa, exponent = frexp(value)
-    return ldexp(1.0, exponent - (mantissa == 0.5))
-
-
-def _check_frame(spans: tuple[float, float, float], largest: float, thinnest: float) -> None:
-    widest = max(spans)
-    if largest > _LARGEST or widest < 1 / _LARGEST:
-        raise MeshError(
-            "`vertices` must lie within 2**200 of the origin and span at least 2**-200, so that volumes are numbers; "
-            f"got a largest coordinate of {largest:.3g} and a span of {widest:.3g} (rescale first)"
-        )
-    if min(spans) >= widest * thinnest:
-        return
-    thin = [v for v in spans if 0.0 < v < widest * thinnest]
-    if thin:
-        raise MeshError(
-            "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
-            f"of {thin[0]:.3g} and {widest:.3g} (rescale first)"
-        )
-
-
-def _span_space(normals: NDArray[np.float64], exact: Iterable[tuple[int, int, int]]) -> bool:
-    """Whether normals span space: facets that all run along one direction enclose nothing, closed or not."""
-    for step in (max(1, len(normals) // 64), 1):
-        if least_spread(normals, step) > 1e-9:
-            return True
-    return rank_of(exact) == 3

@@ -136,7 +136,7 @@ def _ply(file: _Stretches, _: int) -> Polygons | None:
         if element.name == "vertex":
             points = rows.take()[0]
         elif element.name == "face":
-            _, flat, sizes = rows.take()
+            flat, sizes = rows.take()[1:]
     return Polygons(points, flat, sizes) if file.rest(blank=not order) else None
 
 

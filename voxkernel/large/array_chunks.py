@@ -1,0 +1,139 @@
+"""Streams of arrays: chunks made by the caller, facets of Parquet files, and several sources as one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._extras import optional
+from voxkernel.errors import MeshError, MeshReadError
+from voxkernel.large.chunks import Chunk, Source, check_finite, check_ids, refusal
+
+__all__ = ["ArraySource", "ChunkSource", "ParquetFile", "Tiles"]
+
+_COLUMNS = tuple(f"{axis}{corner}" for corner in range(3) for axis in "xyz")
+
+
+class ArraySource:
+    """Vertices and triangles in arrays, which may be mapped files; they share vertices by number."""
+
+    def __init__(self, vertices: Any, faces: Any) -> None:
+        self.name = "arrays"
+        self._vertices, self._faces = np.asarray(vertices), np.asarray(faces)
+        if self._vertices.ndim != 2 or self._vertices.shape[1] != 3:
+            raise MeshError(f"`vertices` must have shape (n, 3); got {self._vertices.shape}")
+        if self._faces.ndim != 2 or self._faces.shape[1] != 3:
+            raise MeshError(f"`faces` must have shape (m, 3); got {self._faces.shape} (triangulate first)")
+        if self._faces.dtype.kind not in "iu":
+            raise TypeError(f"`faces` must be integers; got {self._faces.dtype}")
+        self.n_facets: int | None = len(self._faces)
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Read the faces `size` at a time."""
+        for number, first in enumerate(range(0, len(self._faces), size)):
+            ids = np.ascontiguousarray(self._faces[first : first + size]).astype(np.int64)
+            check_ids(self.name, number, first, ids, len(self._vertices))
+            yield Chunk(self._vertices[ids].astype(np.float64), ids)
+
+    def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Corners of some facets."""
+        return self._vertices[self._faces[facets]].astype(np.float64)
+
+
+class ChunkSource:
+    """Pairs (vertices, faces), the ids of each pair its own; equal corners of all of them are one vertex."""
+
+    def __init__(self, make: Callable[[], Iterable[Any]]) -> None:
+        self.name = "stream"
+        self.n_facets: int | None = None
+        self._make = make
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Ask for the pairs once more; large ones come in parts."""
+        first = 0
+        for number, pair in enumerate(self._make()):
+            where = f"{self.name}, chunk {number}"
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise MeshError(f"{where}: must be a pair (vertices, faces); got {type(pair).__name__}")
+            points = np.asarray(pair[0])
+            if points.ndim != 2 or points.shape[1] != 3:
+                raise MeshError(f"{where}: `vertices` must have shape (n, 3); got {points.shape}")
+            faces = np.asarray(pair[1])
+            if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+                raise MeshError(f"{where}: `faces` must be integers of shape (m, 3); got {faces.dtype} {faces.shape}")
+            ids = faces.astype(np.int64)
+            check_ids(self.name, number, first, ids, len(points))
+            for start in range(0, len(ids), size):
+                corners = points[ids[start : start + size]].astype(np.float64)
+                check_finite(self.name, number, first + start, corners)
+                yield Chunk(np.ascontiguousarray(corners), None)
+            first += len(ids)
+
+    def take(self, facets: NDArray[np.int64]) -> None:
+        """There is no way but a pass."""
+
+
+class ParquetFile:
+    """Facets as rows of nine numbers, x0 y0 z0 x1 y1 z1 x2 y2 z2; equal corners are one vertex."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path, self.name = os.fspath(path), f"'{os.fspath(path)}'"
+        try:
+            schema = optional("pyarrow.parquet").read_schema(self.path)
+            self.n_facets: int | None = optional("pyarrow.parquet").read_metadata(self.path).num_rows
+        except (OSError, optional("pyarrow").ArrowException) as error:
+            raise MeshReadError(f"{self.name} cannot be streamed: {' '.join(str(error).split())[:200]}") from None
+        missing = [name for name in _COLUMNS if name not in schema.names]
+        if missing:
+            raise MeshReadError(f"{self.name} must have the columns {' '.join(_COLUMNS)}; got none called {missing[0]}")
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Read the rows `size` at a time."""
+        first = 0
+        with optional("pyarrow.parquet").ParquetFile(self.path) as file:
+            for number, batch in enumerate(file.iter_batches(batch_size=size, columns=list(_COLUMNS))):
+                columns = [batch.column(name) for name in _COLUMNS]
+                for name, column in zip(_COLUMNS, columns, strict=True):
+                    if column.null_count:
+                        facet = first + int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
+                        raise refusal(self.name, number, facet, f"{name} must be a number; got null")
+                table = np.stack([column.to_numpy(zero_copy_only=False) for column in columns], axis=1)
+                yield Chunk(table.astype(np.float64).reshape(-1, 3, 3), None)
+                first += len(table)
+
+    def take(self, facets: NDArray[np.int64]) -> None:
+        """There is no way but a pass."""
+
+
+class Tiles:
+    """Several sources as one surface; equal corners are one vertex, within a tile and across."""
+
+    def __init__(self, tiles: Sequence[Source]) -> None:
+        self.name = f"{len(tiles)} tiles"
+        self._tiles = tiles
+        self.n_facets: int | None = sum(tile.n_facets or 0 for tile in tiles)
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Read tile after tile; an error names its chunk and facet in the tile."""
+        for tile in self._tiles:
+            for number, chunk in enumerate(tile.chunks(size)):
+                check_finite(tile.name, number, number * size, chunk.corners)
+                yield Chunk(chunk.corners, None)
+
+    def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64] | None:
+        """Corners of some facets, if every tile knows them without a pass."""
+        starts = np.cumsum([0, *(tile.n_facets or 0 for tile in self._tiles)])
+        found = np.empty((len(facets), 3, 3))
+        for tile, (low, high) in zip(self._tiles, pairwise(starts.tolist()), strict=True):
+            mine = np.flatnonzero((facets >= low) & (facets < high))
+            if len(mine):
+                corners = tile.take(facets[mine] - low)
+                if corners is None:
+                    return None
+                found[mine] = corners
+        return found

@@ -1,0 +1,180 @@
+"""Binary PLY and STL files, mapped into memory and read in chunks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._input_file import input_file
+from voxkernel.errors import MeshReadError
+from voxkernel.large.chunks import Chunk, check_ids, refusal
+from voxkernel.mesh.ply import INDEX_NAMES, Element, parse_header
+
+__all__ = ["PlyFile", "StlFile"]
+
+_LONGEST_HEADER = 1 << 20
+_STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_STL_HEAD = 84
+_TEXT = "a text file cannot be read in chunks (write it as binary)"
+
+
+class PlyFile:
+    """A binary PLY file of triangles; they share vertices by number."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        file = input_file(path, MeshReadError)
+        self.path, self.name = Path(file), f"'{file}'"
+        with open(file, "rb") as stream:
+            head = stream.read(_LONGEST_HEADER)
+        try:
+            order, elements, at, _ = parse_header(head)
+            if not order:
+                raise ValueError(_TEXT)
+            self._place(order, elements, at, file.stat().st_size)
+        except ValueError as error:
+            raise MeshReadError(f"{self.name} cannot be streamed: {error}") from None
+
+    def _place(self, order: str, elements: list[Element], at: int, size: int) -> None:
+        """Find where rows of vertices and faces begin; lists stand in the rows of faces only, three long."""
+        found: dict[str, tuple[int, int, np.dtype[np.void]]] = {}
+        for element in elements:
+            lists = [item.name for item in element.properties if item.count_dtype]
+            if lists and (element.name != "face" or len(lists) > 1):
+                raise ValueError(f"element {element.name} has a list beside the corners of faces")
+            row = np.dtype([
+                part for item in element.properties
+                for part in (
+                    [("size", order + item.count_dtype), ("corners", order + item.dtype, (3,))]
+                    if item.count_dtype else [(item.name, order + item.dtype)]
+                )
+            ])  # fmt: skip
+            if element.name == "face":
+                element.find(*INDEX_NAMES)
+                if not lists or np.dtype(row["corners"].base).kind not in "iu":
+                    raise ValueError("faces have no list of vertex ids")
+            if element.name == "vertex":
+                for axis in "xyz":
+                    element.find(axis)
+            found[element.name] = at, element.n, row
+            at += element.n * row.itemsize
+        if "vertex" not in found or "face" not in found:
+            raise ValueError("it has no vertices or no faces")
+        self._vertices, self._faces = found["vertex"], found["face"]
+        self.n_facets: int | None = self._faces[1]
+        self._end, self._size = at, size
+
+    def _rows(self) -> tuple[np.memmap[tuple[int], np.dtype[np.void]], np.memmap[tuple[int], np.dtype[np.void]]]:
+        """Map the vertices and the faces."""
+        (a, n, vertex), (b, m, face) = self._vertices, self._faces
+        return (
+            np.memmap(self.path, vertex, "r", offset=a, shape=(n,)),
+            np.memmap(self.path, face, "r", offset=b, shape=(m,)),
+        )
+
+    def _check_end(self, chunk_size: int) -> None:
+        """Refuse a file of another length than its header says, with the facet where it ends."""
+        if self._size == self._end:
+            return
+        at, m, row = self._faces
+        with open(self.path, "rb") as stream:
+            stream.seek(at)
+            data = stream.read(row.itemsize)
+        if len(data) == row.itemsize and (n := int(np.frombuffer(data, row)["size"][0])) != 3:
+            raise self._other_size(0, 0, n)
+        if self._size > self._end:
+            raise MeshReadError(
+                f"{self.name} cannot be streamed: it has {self._size - self._end} bytes more than {m} triangles take"
+            )
+        facet = max(0, self._size - at) // row.itemsize
+        if facet >= m or self._size < at:
+            raise MeshReadError(f"{self.name} cannot be streamed: it ends before its vertices and faces do")
+        where = f"chunk {facet // chunk_size}, facet {facet}"
+        raise MeshReadError(f"{self.name}, {where}: the file ends before its {m} facets do")
+
+    def _other_size(self, chunk: int, facet: int, n: int) -> Exception:
+        return refusal(self.name, chunk, facet, f"must be a triangle to be streamed; got {n} corners")
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Read the faces `size` at a time."""
+        self._check_end(size)
+        if not self._faces[1] or not self._vertices[1]:
+            return
+        points, faces = self._rows()
+        for number, first in enumerate(range(0, len(faces), size)):
+            rows = np.asarray(faces[first : first + size])
+            other = np.flatnonzero(rows["size"] != 3)
+            if len(other):
+                raise self._other_size(number, first + int(other[0]), int(rows["size"][other[0]]))
+            ids = np.ascontiguousarray(rows["corners"]).astype(np.int64)
+            check_ids(self.name, number, first, ids, len(points))
+            yield Chunk(_positions(points, ids), ids)
+
+    def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Corners of some facets."""
+        points, faces = self._rows()
+        return _positions(points, np.asarray(faces["corners"][facets]).astype(np.int64))
+
+
+def _positions(rows: NDArray[np.void], ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Coordinates of vertices, float64, whatever else is in their rows."""
+    known = rows.dtype.fields or {}
+    axes = known["x"], known["y"], known["z"]
+    fields, places = [axis[0] for axis in axes], [axis[1] for axis in axes]
+    width = fields[0].itemsize
+    flat = ids.reshape(-1)
+    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one; none is accepted
+        if len(set(fields)) == 1 and places == [places[0] + k * width for k in range(3)]:
+            strides = rows.dtype.itemsize, width
+            picked = np.ndarray((len(rows), 3), fields[0], rows, places[0], strides)[flat]
+        else:
+            picked = np.stack([rows[axis][flat] for axis in "xyz"], axis=1)
+        return np.ascontiguousarray(picked).astype(np.float64, copy=False).reshape(-1, 3, 3)
+
+
+class StlFile:
+    """A binary STL file: a soup, whose equal corners are one vertex."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        file = input_file(path, MeshReadError)
+        self.path, self.name = Path(file), f"'{file}'"
+        self._size = file.stat().st_size
+        with open(file, "rb") as stream:
+            head = stream.read(_STL_HEAD)
+        n = int.from_bytes(head[80:], "little")
+        if self._size != _STL_HEAD + _STL_ROW.itemsize * n and head.lstrip()[:5].lower() == b"solid":
+            raise MeshReadError(f"{self.name} cannot be streamed: {_TEXT}")
+        if len(head) < _STL_HEAD:
+            raise MeshReadError(f"{self.name} cannot be streamed: it ends within its first 84 bytes")
+        self.n_facets: int | None = n
+
+    def _rows(self) -> np.memmap[tuple[int], np.dtype[np.void]]:
+        return np.memmap(self.path, _STL_ROW, "r", offset=_STL_HEAD, shape=(self.n_facets or 0,))
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Read the facets `size` at a time."""
+        n = self.n_facets or 0
+        missing = _STL_HEAD + _STL_ROW.itemsize * n - self._size
+        if missing > 0:
+            facet = (self._size - _STL_HEAD) // _STL_ROW.itemsize
+            where = f"chunk {facet // size}, facet {facet}"
+            raise MeshReadError(f"{self.name}, {where}: the file ends before its {n} facets do")
+        if missing < 0:
+            raise MeshReadError(f"{self.name} cannot be streamed: it has {-missing} bytes more than {n} facets take")
+        if not n:
+            return
+        rows = self._rows()
+        for first in range(0, n, size):
+            yield Chunk(_doubles(rows[first : first + size]["corners"]), None)
+
+    def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Corners of some facets."""
+        return _doubles(self._rows()["corners"][facets])
+
+
+def _doubles(corners: NDArray[np.float32]) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one; none is accepted
+        return np.ascontiguousarray(corners).astype(np.float64)
