@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from voxkernel.cli.output import display, number, print_json, say, table_row
+from voxkernel.cli.streaming import add_stream, opened
 from voxkernel.errors import VoxKernelError
 
 HELP = "verdict, kernel volume and ratio of meshes"
@@ -19,6 +20,7 @@ EXAMPLES = (
     "voxkernel score bust.ply",
     "voxkernel score scans/*.ply --json > scores.json",
     "voxkernel score face.obj --domain hull",
+    "voxkernel score scan.ply --stream",
 )
 _COLUMNS = ("file", "verdict", "ratio", "volume", "reference", "reason")
 _WIDTHS = (16, 11, 12, 15)
@@ -27,6 +29,7 @@ _WIDTHS = (16, 11, 12, 15)
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("meshes", nargs="+", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
+    add_stream(parser)
     parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where the kernel's volume is measured")
     parser.add_argument("--json", action="store_true", help="one JSON document: a list with one entry per mesh")
 
@@ -38,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         print(table_row(_COLUMNS, widths), file=sys.stderr)
     entries: list[dict[str, Any]] = []
     for path in args.meshes:
-        entry = _score(path, args.domain)
+        entry = _score(path, args)
         entries.append(entry)
         if not args.json:
             print(table_row(_cells(entry), widths), flush=True)
@@ -50,11 +53,12 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _score(path: str, domain: str | None) -> dict[str, Any]:
+def _score(path: str, args: argparse.Namespace) -> dict[str, Any]:
     from voxkernel.measures import starshapeness
 
     try:
-        return {"file": path, "status": "ok", **starshapeness(path, domain=domain).to_dict()}
+        surface = opened(path, quiet=args.quiet) if args.stream else path
+        return {"file": path, "status": "ok", **starshapeness(surface, domain=args.domain).to_dict()}
     except (VoxKernelError, OSError, ValueError, MemoryError) as error:
         return {"file": path, "status": "failed", "reason": " ".join(str(error).split()) or type(error).__name__}
 
