@@ -30,8 +30,11 @@ print(json.dumps({
 """
 
 
-def write_ball(path, n_rings, n_sectors, bump, *, chunk=64):
-    """A ball of radius 1 + bump cos 8a cos 8b, about 2 n_rings n_sectors facets, a few rings at a time."""
+def write_ball(path, n_rings, n_sectors, bump, *, bend=0.0, chunk=64):
+    """A ball of radius 1 + bump cos 8a cos 8b, with a spike at each pole, bent by `bend` z^2.
+
+    About 2 n_rings n_sectors facets, made a few rings at a time.
+    """
     inner = n_rings - 1
     n_vertices, n_faces = 2 + inner * n_sectors, 2 * n_sectors * inner
     head = (
@@ -43,11 +46,13 @@ def write_ball(path, n_rings, n_sectors, bump, *, chunk=64):
     row = np.dtype([("n", "u1"), ("v", "<i4", (3,))])
     with open(path, "wb") as file:
         file.write(head.encode())
-        np.array([[0, 0, 1 + bump], [0, 0, -1 - bump]]).tofile(file)
+        tip = 1 + bump  # beyond the ball, so that the kernel is small
+        np.array([[bend * tip**2, 0, tip], [bend * tip**2, 0, -tip]], np.float64).tofile(file)
         for first in range(1, n_rings, chunk):
             a = np.pi * np.arange(first, min(n_rings, first + chunk))[:, None] / n_rings
             r = 1 + bump * np.sin(a) * np.cos(8 * a) * np.cos(8 * b)
-            np.stack([r * np.sin(a) * np.cos(b), r * np.sin(a) * np.sin(b), r * np.cos(a) + 0 * b], -1).tofile(file)
+            x, y, z = r * np.sin(a) * np.cos(b), r * np.sin(a) * np.sin(b), r * np.cos(a)
+            np.stack([x + bend * z**2, y, z], -1).tofile(file)
         for ring in range(n_rings):
             upper, lower = (2 + (ring + k - 1) * n_sectors + np.array(around) for k in range(2))
             if ring == 0:
