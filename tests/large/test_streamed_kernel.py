@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapes
+from streams import assert_same, proof
 
 import voxkernel
 
@@ -20,32 +21,6 @@ SHAPES = {
     "open, flat": shapes.cube_with_flipped_face(),
     "open, one side": shapes.moebius_band(),
 }
-ARRAYS = ("vertices", "face_starts", "face_vertices", "face_facets", "centroid", "inertia", "deepest_point")
-NUMBERS = (
-    "dimension", "volume", "area", "cut_by_domain", "is_bounded", "unclipped_dimension", "max_residual",
-    "volume_bounds",
-)  # fmt: skip
-
-
-def proof(certificate):
-    return certificate.kind, certificate.facet_ids, certificate.multipliers, certificate.points
-
-
-def assert_same(streamed, whole):
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(streamed, name), getattr(whole, name), err_msg=name)
-    assert {n: getattr(streamed, n) for n in NUMBERS} == {n: getattr(whole, n) for n in NUMBERS}
-    np.testing.assert_equal(streamed.clearance, whole.clearance)
-    assert streamed.exact_vertices() == whole.exact_vertices()
-    assert proof(streamed.unclipped_certificate) == proof(whole.unclipped_certificate)
-    assert streamed.certificate.verify()
-    assert streamed.unclipped_certificate.verify()
-    assert proof(streamed.certificate) == proof(whole.certificate)
-    assert (streamed.domain is None) == (whole.domain is None)
-    if streamed.domain is not None:
-        np.testing.assert_array_equal(streamed.domain.normals, whole.domain.normals)
-        np.testing.assert_array_equal(streamed.domain.offsets, whole.domain.offsets)
-
 
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("chunk", [1, 7, 1000])
