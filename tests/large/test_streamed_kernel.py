@@ -105,7 +105,16 @@ def test_where_most_facets_stay_progress_says_so():
     mesh = shapes.icosphere(2)
     surface = voxkernel.stream_mesh(mesh, progress=lambda state: notes.append(state.note))
     assert_same(voxkernel.exact_kernel(surface), voxkernel.exact_kernel(mesh))
-    assert any("most of 320 facets may bound the kernel: it is found in memory, up to" in note for note in notes)
+    assert any("most of 320 facets may bound the kernel: it is found in memory, about 0.2 MB" in note for note in notes)
+
+
+def test_a_surface_that_neither_can_be_culled_nor_fits_says_so(monkeypatch):
+    def fails(reader):
+        raise MemoryError
+
+    monkeypatch.setattr("voxkernel.large.surface_reader.SurfaceReader.to_mesh", fails)
+    with pytest.raises(MemoryError, match="`surface` must fit in memory: most of 320 facets may bound the kernel"):
+        voxkernel.exact_kernel(voxkernel.stream_mesh(shapes.icosphere(2)))
 
 
 def test_facets_of_a_stream_are_refused():
