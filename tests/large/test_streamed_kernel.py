@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapes
+from streams import assert_same, proof
 
 import voxkernel
 
@@ -20,32 +21,6 @@ SHAPES = {
     "open, flat": shapes.cube_with_flipped_face(),
     "open, one side": shapes.moebius_band(),
 }
-ARRAYS = ("vertices", "face_starts", "face_vertices", "face_facets", "centroid", "inertia", "deepest_point")
-NUMBERS = (
-    "dimension", "volume", "area", "cut_by_domain", "is_bounded", "unclipped_dimension", "max_residual",
-    "volume_bounds",
-)  # fmt: skip
-
-
-def proof(certificate):
-    return certificate.kind, certificate.facet_ids, certificate.multipliers, certificate.points
-
-
-def assert_same(streamed, whole):
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(streamed, name), getattr(whole, name), err_msg=name)
-    assert {n: getattr(streamed, n) for n in NUMBERS} == {n: getattr(whole, n) for n in NUMBERS}
-    np.testing.assert_equal(streamed.clearance, whole.clearance)
-    assert streamed.exact_vertices() == whole.exact_vertices()
-    assert proof(streamed.unclipped_certificate) == proof(whole.unclipped_certificate)
-    assert streamed.certificate.verify()
-    assert streamed.unclipped_certificate.verify()
-    assert proof(streamed.certificate) == proof(whole.certificate)
-    np.testing.assert_equal(streamed.unclipped_point, whole.unclipped_point)
-    assert (streamed.domain is None) == (whole.domain is None)
-    if streamed.domain is not None:
-        np.testing.assert_array_equal(streamed.domain.normals, whole.domain.normals)
-        np.testing.assert_array_equal(streamed.domain.offsets, whole.domain.offsets)
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -139,7 +114,16 @@ def test_where_most_facets_stay_progress_says_so():
     mesh = shapes.icosphere(2)
     surface = voxkernel.stream_mesh(mesh, progress=lambda state: notes.append(state.note))
     assert_same(voxkernel.exact_kernel(surface), voxkernel.exact_kernel(mesh))
-    assert any("most of 320 facets may bound the kernel: it is found in memory, up to" in note for note in notes)
+    assert any("most of 320 facets may bound the kernel: it is found in memory, about 0.2 MB" in note for note in notes)
+
+
+def test_a_surface_that_neither_can_be_culled_nor_fits_says_so(monkeypatch):
+    def fails(reader):
+        raise MemoryError
+
+    monkeypatch.setattr("voxkernel.large.surface_reader.SurfaceReader.to_mesh", fails)
+    with pytest.raises(MemoryError, match="`surface` must fit in memory: most of 320 facets may bound the kernel"):
+        voxkernel.exact_kernel(voxkernel.stream_mesh(shapes.icosphere(2)))
 
 
 def test_facets_of_a_stream_are_refused():

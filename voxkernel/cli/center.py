@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from voxkernel.cli.output import (
+    UsageError,
     check_output,
     display,
     number,
@@ -15,6 +16,7 @@ from voxkernel.cli.output import (
     say,
     write_json,
 )
+from voxkernel.cli.streaming import add_stream, opened
 
 HELP = "the point that faces the most of a mesh"
 DESCRIPTION = (
@@ -33,6 +35,7 @@ EXAMPLES = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
+    add_stream(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="center.json")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
@@ -49,11 +52,14 @@ def run(args: argparse.Namespace) -> int:
     """Search, print, write."""
     output = None if args.output is None else check_output(args.output, (".json",))
 
+    if args.stream and (args.visible or args.profile):
+        raise UsageError("--visible and --profile must not be given with --stream: they want the mesh in memory")
+
     from voxkernel.mesh import as_mesh
     from voxkernel.relaxed import best_center
 
     with args.stage(f"reading {display(args.mesh)}"):
-        mesh = as_mesh(args.mesh)
+        mesh: Any = opened(args.mesh, quiet=args.quiet) if args.stream else as_mesh(args.mesh)
     with args.stage("searching for the point that faces the most"):
         center = best_center(
             mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights

@@ -17,6 +17,7 @@ from voxkernel.cli.output import (
     say,
     write_json,
 )
+from voxkernel.cli.streaming import add_stream, opened
 
 if TYPE_CHECKING:
     from voxkernel.exact import Kernel, KernelPolytope
@@ -37,6 +38,7 @@ EXAMPLES = (
     "voxkernel kernel face.obj --domain hull -o kernel.json --picture kernel.html",
     "voxkernel kernel scan.ply --tolerance 0.03 -o kernel.vdb --picture kernel.html",
     "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
+    "voxkernel kernel city/ --stream -o kernel.json",
 )
 _GRID_OPTIONS = ("depth", "voxel_size", "rtol", "tolerance", "margin", "threads", "frame")
 _GRIDS = (".npz", ".vdb", ".vtu")
@@ -47,6 +49,7 @@ _NAMES = ("point", "segment", "flat polygon", "solid")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
+    add_stream(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz, .vdb, .vtu, .vtp or .glb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
     parser.add_argument("--up", type=_direction, metavar="X,Y,Z", help="what points up in the picture")
@@ -82,10 +85,13 @@ def run(args: argparse.Namespace) -> int:
     if output is not None and output.exists() and Path(args.mesh).exists() and output.samefile(args.mesh):
         raise UsageError(f"output must not be the mesh itself; got '{display(output)}'")
 
+    if args.stream and picture is not None:
+        raise UsageError("--picture must not be given with --stream: a picture wants the mesh in memory")
+
     from voxkernel.mesh import as_mesh
 
     with args.stage(f"reading {display(args.mesh)}"):
-        mesh = as_mesh(args.mesh)
+        mesh: Any = opened(args.mesh, quiet=args.quiet) if args.stream else as_mesh(args.mesh)
     if as_grid:
         from voxkernel.voxels import voxel_kernel
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from voxkernel.cli.messages import option_names, spoken
 from voxkernel.cli.output import display, number, print_json, say, table_row
+from voxkernel.cli.streaming import add_stream, opened
 from voxkernel.errors import VoxKernelError
 
 HELP = "verdict, kernel volume and ratio of meshes"
@@ -20,6 +21,7 @@ EXAMPLES = (
     "voxkernel score bust.ply",
     "voxkernel score scans/*.ply --json > scores.json",
     "voxkernel score face.obj --domain hull",
+    "voxkernel score scan.ply --stream",
 )
 _COLUMNS = ("file", "verdict", "ratio", "volume", "reference", "reason")
 _WIDTHS = (16, 11, 12, 15)
@@ -29,6 +31,7 @@ _OTHER_SCALE = 1000.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("meshes", nargs="+", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
+    add_stream(parser)
     parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where the kernel's volume is measured")
     parser.add_argument("--json", action="store_true", help="one JSON document: a list with one entry per mesh")
 
@@ -41,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     entries: list[dict[str, Any]] = []
     for path in args.meshes:
         with args.stage(f"scoring {display(path)}"):
-            entry = _score(path, args.domain, option_names(args.parser))
+            entry = _score(path, args, option_names(args.parser))
         entries.append(entry)
         if not args.json:
             print(table_row(_cells(entry), widths), flush=True)
@@ -54,14 +57,17 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _score(path: str, domain: str | None, names: dict[str, str]) -> dict[str, Any]:
+def _score(path: str, args: argparse.Namespace, names: dict[str, str]) -> dict[str, Any]:
     from voxkernel.measures import starshapeness
     from voxkernel.mesh import as_mesh
     from voxkernel.mesh.surface_notes import surface_notes
 
     try:
+        if args.stream:
+            surface = opened(path, quiet=args.quiet)
+            return {"file": path, "status": "ok", **starshapeness(surface, domain=args.domain).to_dict()}
         mesh = as_mesh(path)
-        score = starshapeness(mesh, domain=domain).to_dict()
+        score = starshapeness(mesh, domain=args.domain).to_dict()
         known = "facets point inwards" if any("inwards" in note for note in score["notes"]) else "\0"
         score["notes"] += [note for note in surface_notes(mesh) if known not in note]
         return {"file": path, "status": "ok", **score, "diagonal": mesh.facts().diagonal}

@@ -28,7 +28,7 @@ __all__ = ["streamed_kernel"]
 
 # Up to so many planes all may stay; above, half of them.
 _SMALL = 100
-_BYTES = 400  # that a facet takes in memory while its kernel is found, at most
+_BYTES = 700  # that a facet takes in memory while its kernel is found: measured with a ball of 320,000
 
 InMemory = Callable[[HalfSpaces, Domain | None], KernelPolytope]
 
@@ -65,7 +65,7 @@ def streamed_kernel(surface: SurfaceReader, domain: Any, in_memory: InMemory) ->
     found = _solid(planes, inside) if inside.dimension == 3 else _flat(planes, inside)
     if found is None:
         n = surface.facts().n_facets
-        text = f"most of {n:,} facets may bound the kernel: it is found in memory, up to {n * _BYTES / 1e6:,.0f} MB"
+        text = f"most of {n:,} facets may bound the kernel: it is found in memory, about {n * _BYTES / 1e6:,.1f} MB"
         surface.note("memory", text)
         return in_memory(_in_memory(surface, text), region)
     shape, kept = found

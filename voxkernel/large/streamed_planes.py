@@ -15,7 +15,7 @@ from voxkernel.halfspaces.integer_planes import IntegerPlane
 from voxkernel.halfspaces.predicates import exact_slacks
 from voxkernel.large.surface_reader import SurfaceReader
 
-__all__ = ["Rows", "StreamedPlanes", "Tightest"]
+__all__ = ["Rows", "StreamedPlanes", "Tightest", "some_rows"]
 
 _UNIT = 2.0**-53
 _FAR = 2.0**500  # beyond this no rounded sign is trusted
@@ -184,12 +184,12 @@ class StreamedPlanes:
             ids = planes_reaching(*arrays, center, corners, margin)[0]
             if not len(ids):
                 continue
-            fresh = fresh.joined(self._heads(_some(first, planes, ids)))
+            fresh = fresh.joined(self.heads(some_rows(first, planes, ids)))
             if len(fresh.rows) > max(_MOST, len(found.rows)):
-                found, fresh = self._heads(found.joined(fresh)), _no_rows()
+                found, fresh = self.heads(found.joined(fresh)), _no_rows()
                 if len(found.rows) > most:
                     return None
-        found = self._heads(found.joined(fresh))
+        found = self.heads(found.joined(fresh))
         return None if len(found.rows) > most else found
 
     def touched_and_violated(
@@ -208,7 +208,7 @@ class StreamedPlanes:
             ids = plane_signs(*arrays, local, rounding) if is_near else np.arange(len(planes))
             if not len(ids):
                 continue
-            found = self._heads(found.joined(_some(first, planes, ids)))
+            found = self.heads(found.joined(some_rows(first, planes, ids)))
             if len(found.rows) > limit and is_near:
                 found, is_worst = self._worst(found, local, limit)
                 is_many = is_many or is_worst
@@ -243,11 +243,11 @@ class StreamedPlanes:
                 near.append(low + np.flatnonzero(close.any(axis=1)))
             ids = np.concatenate(near)
             if len(ids):
-                heads = heads.joined(_some(first, planes, ids))
+                heads = heads.joined(some_rows(first, planes, ids))
         groups = self.halfspaces(heads).coplanar_groups()
         return heads.part(np.unique(groups[np.searchsorted(heads.rows, found.rows)]))
 
-    def _heads(self, every: Rows) -> Rows:
+    def heads(self, every: Rows) -> Rows:
         """One of each plane: the first."""
         groups = self.halfspaces(every).coplanar_groups()
         return every.part(groups == np.arange(len(groups)))
@@ -257,7 +257,8 @@ def _no_rows() -> Rows:
     return Rows(np.empty(0, np.int64), np.empty((0, 3, 3)))
 
 
-def _some(first: int, planes: HalfSpaces, ids: NDArray[np.int64]) -> Rows:
+def some_rows(first: int, planes: HalfSpaces, ids: NDArray[np.int64]) -> Rows:
+    """Some planes of a part that begins with number `first`."""
     return Rows(first + ids, _corners(planes, ids))
 
 

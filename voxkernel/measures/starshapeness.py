@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from itertools import chain
+from math import fsum
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +17,22 @@ from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
 from voxkernel.exact import Certificate, KernelPolytope, kernel_of_halfspaces
 from voxkernel.exact.convexity import is_locally_convex
+from voxkernel.exact.exact_kernel import kernel_of_stream
 from voxkernel.guarding import Guards, guards
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceArgument, surface_argument
+from voxkernel.large import StreamedSurface
+from voxkernel.large.stream_mesh import reader_of
+from voxkernel.large.streamed_planes import StreamedPlanes
+from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
+from voxkernel.measures.streamed_convexity import lies_in_kernel
 from voxkernel.measures.visibility import VisibleFraction, visible_fraction
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.relaxed import StarCenter
 from voxkernel.relaxed.best_center import center_of_planes
 from voxkernel.relaxed.facet_weights import weigh
+from voxkernel.relaxed.streamed_center import center_of_stream
 
 __all__ = ["Starshapeness", "starshapeness"]
 
@@ -138,7 +149,7 @@ class Starshapeness(Frozen):
 
 
 def starshapeness(
-    surface: MeshLike,
+    surface: MeshLike | StreamedSurface,
     *,
     facets: Any = None,
     domain: Any = None,
@@ -149,8 +160,8 @@ def starshapeness(
 
     Parameters
     ----------
-    surface : mesh, path or (vertices, faces)
-        Anything `as_mesh` takes, facets counter-clockwise seen from outside.
+    surface : mesh, path, (vertices, faces) or StreamedSurface
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or a surface of `stream_mesh`.
     facets : int array or bool mask, optional
         Restrict the surface to these facets.
     domain : {"ball", "hull", "box"}, Domain, HalfSpaces or (normals, offsets), optional
@@ -160,7 +171,7 @@ def starshapeness(
         Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
     detail : bool or "guards"
         Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
-        and 0.1, as well; "guards": `guards` only.
+        and 0.1, as well; "guards": `guards` only. Not of a streamed surface.
 
     Returns
     -------
@@ -191,38 +202,95 @@ def starshapeness(
     """
     if isinstance(detail, str):
         as_choice("detail", detail, ("guards",))
+    share = as_positive("gap", gap)
+    if isinstance(surface, StreamedSurface):
+        if detail:
+            raise ValueError(f"`detail` must be False for a streamed surface; got {detail!r}")
+        return _of_stream(reader_of(surface, facets), domain, share)
     mesh = as_mesh(surface, facets=facets)
     argument = surface_argument(mesh)
     halfspaces, region = argument.halfspaces, argument.domain(domain, EXACT)
     kernel = kernel_of_halfspaces(halfspaces, region)
-    notes = _notes(halfspaces, kernel)
+    known = _Known(
+        len(halfspaces), halfspaces.n_degenerate, halfspaces.bounds_volume,
+        fsum(_thirds(halfspaces)) * halfspaces.scale / 3.0,
+        partial(_depth, halfspaces),
+        lambda: is_locally_convex(mesh, halfspaces),
+    )  # fmt: skip
+    if kernel.dimension >= 0:
+        star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
+    else:
+        star = center_of_planes(weigh(halfspaces), argument, region, share)
+    extra = _detail(argument, mesh, region, star.point) if detail and detail != "guards" else (None, None)
+    return _scored(known, kernel, star, extra, guards(mesh) if detail == "guards" else None)
+
+
+class _Known(NamedTuple):
+    """What a score needs to know of a surface: numbers of facets, its volume, the depth of a point, convexity."""
+
+    n_facets: int
+    n_degenerate: int
+    is_closed: bool
+    volume: float
+    depth: Callable[[NDArray[np.float64]], float]
+    is_convex: Callable[[], bool]
+
+
+def _thirds(halfspaces: HalfSpaces) -> list[float]:
+    """Parts of three times the enclosed volume, by the divergence theorem with the facet planes; local offsets."""
+    return (halfspaces.local_offsets * halfspaces.weights).tolist()
+
+
+def _of_stream(reader: SurfaceReader, domain: Any, gap: float) -> Starshapeness:
+    """Score a stream; it is convex if its kernel holds all of its corners."""
+    kernel, planes = kernel_of_stream(reader, domain), StreamedPlanes(reader)
+    parts = (_thirds(part) for _, part in planes.parts("volume"))
+
+    def depth(center: NDArray[np.float64]) -> float:
+        return min(_depth(part, center) for _, part in planes.parts("depth"))
+
+    known = _Known(
+        planes.n_facet_planes, len(planes.facts.degenerate), reader.bounds_volume,
+        fsum(chain.from_iterable(parts)) * planes.scale / 3.0,
+        depth,
+        lambda: lies_in_kernel(reader, kernel),
+    )  # fmt: skip
+    star = center_of_stream(reader, kernel, domain, "area", gap, 0.0, center_of_planes)
+    return _scored(known, kernel, star, (None, None), None)
+
+
+def _depth(halfspaces: HalfSpaces, center: NDArray[np.float64]) -> float:
+    return float((halfspaces.offsets - halfspaces.normals @ center).min())
+
+
+def _scored(
+    known: _Known,
+    kernel: KernelPolytope,
+    star: StarCenter,
+    extra: tuple[VisibleFraction, DefectProfile] | tuple[None, None],
+    few: Guards | None,
+) -> Starshapeness:
+    """Put a score together."""
+    region, notes = kernel.domain, _notes(known, kernel)
     certificate, center, clearance = kernel.certificate, kernel.deepest_point, kernel.clearance
     dimension = kernel.unclipped_dimension
     if kernel.dimension != dimension:  # the domain changed the answer: the proof is about the surface alone
         certificate = kernel.unclipped_certificate
         if kernel.unclipped_point is not None:
             center = kernel.unclipped_point
-            clearance = max(0.0, float((halfspaces.offsets - halfspaces.normals @ center).min()))
-    closed = halfspaces.bounds_volume
-    # Divergence theorem with the facet planes: exact for closed surfaces up to rounding.
-    enclosed = float(halfspaces.local_offsets @ halfspaces.weights) * halfspaces.scale / 3.0
-    reference_volume = enclosed if closed else (region.volume if region is not None else float("nan"))
+            clearance = max(0.0, known.depth(center))
+    closed = known.is_closed
+    reference_volume = known.volume if closed else (region.volume if region is not None else float("nan"))
     ratio = kernel.volume / reference_volume if reference_volume > 0 else (0.0 if dimension < 3 else float("nan"))
     if ratio > 1.0 - 1e-9:
         # Locally convex at every edge and wound once (the volumes agree) is convex.
-        ratio = 1.0 if not closed or is_locally_convex(mesh, halfspaces) else min(ratio, float(np.nextafter(1.0, 0.0)))
-    share = as_positive("gap", gap)
-    if kernel.dimension >= 0:
-        star = StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
-    else:
-        star = center_of_planes(weigh(halfspaces), argument, region, share)
-    extra = _detail(argument, mesh, region, star.point) if detail and detail != "guards" else (None, None)
+        ratio = 1.0 if not closed or known.is_convex() else min(ratio, float(np.nextafter(1.0, 0.0)))
     return Starshapeness(
         "star-shaped" if dimension == 3 else "degenerate" if dimension >= 0 else "not star-shaped",
         ratio, kernel.volume, kernel.volume_bounds, "enclosed volume" if closed else "domain volume",
         reference_volume, dimension, None if dimension < 0 else center, clearance, certificate,
-        _reason(dimension, certificate), notes, len(halfspaces), halfspaces.n_degenerate, closed, kernel,
-        star.violation_bounds, star.point, *extra, guards(mesh) if detail == "guards" else None,
+        _reason(dimension, certificate), notes, known.n_facets, known.n_degenerate, closed, kernel,
+        star.violation_bounds, star.point, *extra, few,
     )  # fmt: skip
 
 
@@ -235,13 +303,13 @@ def _detail(
     return visible_fraction(mesh, point), profile
 
 
-def _notes(halfspaces: HalfSpaces, kernel: KernelPolytope) -> tuple[str, ...]:
+def _notes(known: _Known, kernel: KernelPolytope) -> tuple[str, ...]:
     notes: list[str] = []
-    if halfspaces.n_degenerate:
-        notes.append(f"{halfspaces.n_degenerate} facets without area left out")
-    if not halfspaces.bounds_volume:
+    if known.n_degenerate:
+        notes.append(f"{known.n_degenerate} facets without area left out")
+    if not known.is_closed:
         notes.append("surface is open or not consistently oriented")
-    elif float(halfspaces.local_offsets @ halfspaces.weights) < 0:
+    elif known.volume < 0:
         notes.append("facets point inwards: the enclosed volume is negative; repair(mesh, orient=True) turns them")
     if kernel.unclipped_dimension >= 0 and kernel.dimension < kernel.unclipped_dimension:
         where = "outside" if kernel.dimension < 0 else "on the rim of"

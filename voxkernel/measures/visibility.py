@@ -15,7 +15,7 @@ from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import doubled_areas, triple_products
 from voxkernel.relaxed.facet_weights import UNITS, weigh
-from voxkernel.relaxed.violation import violated_units
+from voxkernel.relaxed.violated_units import violated_units
 
 __all__ = ["VisibleFraction", "visible_fraction"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,93 +9,30 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_positive, read_only
 from voxkernel._core import least_violated
-from voxkernel._frozen import Frozen
-from voxkernel._plain import plain
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.predicates import exact_slacks, planes_not_clear
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike, surface_argument
+from voxkernel.large import StreamedSurface
+from voxkernel.large.stream_mesh import reader_of
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
-from voxkernel.relaxed.root_cube import RootCube, cube_arrays, root_cube
-from voxkernel.relaxed.violation import Weights, violated_units
+from voxkernel.relaxed.root_cube import RootCube, cube_arrays
+from voxkernel.relaxed.star_center import MAX_CELLS, StarCenter, skew_cube
+from voxkernel.relaxed.streamed_center import streamed_center
+from voxkernel.relaxed.violated_units import violated_units
+from voxkernel.relaxed.violation import Weights
 
-__all__ = ["GAP", "StarCenter", "best_center", "center_of_planes"]
+__all__ = ["GAP", "best_center", "center_of_planes"]
 
 _UNIT_ROUNDOFF = 2.0**-53
 _LEVELS = (12, 18, 26, 34, 42)
 _COARSE_LEVELS = (6, 6, 7, 8, 9, *_LEVELS)
 _COARSE = 512  # planes up to which the least violated points are often a plane, a line or a point
-_MAX_CELLS = 2_000_000
 GAP = 1e-4
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StarCenter(Frozen):
-    """The point that faces the most of a surface, and bounds on what it cannot face.
-
-    Attributes
-    ----------
-    point : (3,) float64
-        World coordinates, inside the domain.
-    violation_bounds : (float, float)
-        Certain bounds on the smallest violation in the domain, as a share of the whole weight. The upper
-        one is reached at `point`, or within rounding of it where the least violated points fill no volume.
-        Both are 0 exactly when the kernel is not empty.
-    domain : Domain or None
-        Where the point was looked for; None when a kernel was found without one.
-    n_cells : int
-        Octree cells looked at; 0 when the kernel is not empty.
-    reason : str
-        Why the bounds are further apart than asked for; "" when they are not.
-    """
-
-    point: NDArray[np.float64]
-    violation_bounds: tuple[float, float]
-    domain: Domain | None
-    n_cells: int
-    reason: str
-
-    def __repr__(self) -> str:
-        """Name the point and the bounds."""
-        low, high = self.violation_bounds
-        place = ", ".join(f"{v:.6g}" for v in self.point)
-        return f"StarCenter(point=({place}), violation_bounds=({low:.6g}, {high:.6g}))"
-
-    @property
-    def gap(self) -> float:
-        """Distance between the bounds."""
-        return self.violation_bounds[1] - self.violation_bounds[0]
-
-    @property
-    def border_distance(self) -> float:
-        """Distance of the point from the nearest plane of the domain, mesh units; infinite without a domain.
-
-        Near 0 the domain decides where the point lies: a larger one would have a better point further out.
-        """
-        if self.domain is None:
-            return float("inf")
-        return max(0.0, float((self.domain.offsets - self.domain.normals @ self.point).min()))
-
-    @property
-    def is_at_border(self) -> bool:
-        """Whether the point lies within 0.1 % of the domain's size of the domain's border, and faces not all."""
-        if self.domain is None or not self.violation_bounds[1]:
-            return False
-        return self.border_distance < 1e-3 * float(np.ptp(self.domain.vertices, axis=0).max())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give everything as plain numbers, ready for JSON."""
-        return plain({
-            "point": self.point,
-            "violation_bounds": self.violation_bounds,
-            "domain": None if self.domain is None else self.domain.kind,
-            "n_cells": self.n_cells,
-            "reason": self.reason,
-        })
-
-
 def best_center(
-    surface: SurfaceLike,
+    surface: SurfaceLike | StreamedSurface,
     *,
     gap: float | None = None,
     relative_gap: float | None = None,
@@ -108,8 +44,10 @@ def best_center(
 
     Parameters
     ----------
-    surface : mesh, path, (vertices, faces) or HalfSpaces
-        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    surface : mesh, path, (vertices, faces), HalfSpaces or StreamedSurface
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; half-spaces; or a surface of
+        `stream_mesh`. Of more than 2**20 facets of a streamed one those that nearly agree are taken together, which
+        leaves the bounds certain but farther apart.
     gap : float, optional
         Stop when the bounds are this close, as a share of the whole weight, > 0; 1e-4 where
         `relative_gap` is not given.
@@ -154,6 +92,8 @@ def best_center(
         raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
     default = GAP if relative_gap is None else 0.0
     share = default if gap is None else min(1.0, as_positive("gap", gap))
+    if isinstance(surface, StreamedSurface):
+        return streamed_center(reader_of(surface, facets), domain, weights, share, ratio, center_of_planes)
     found = surface_argument(surface, facets)
     return center_of_planes(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, share, ratio)
 
@@ -189,7 +129,7 @@ def _searched(
 ) -> tuple[NDArray[np.float64], int, int, int]:
     """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
     mesh = surface.mesh
-    cube = _skew_cube(region, surface.own_axes())
+    cube = skew_cube(region, surface.own_axes())
     arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
     blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     point = region.vertices.mean(axis=0)
@@ -207,7 +147,7 @@ def _searched(
         unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
         # One unit more than is known lets the centre of a cell win over a seed on the surface.
         reached, lower, count = least_violated(
-            *arrays, blur, best + 1, close, ratio, levels, _MAX_CELLS, unit, open_cell
+            *arrays, blur, best + 1, close, ratio, levels, MAX_CELLS, unit, open_cell
         )
         n_cells += count
         if not np.isnan(unit).any():
@@ -219,7 +159,7 @@ def _searched(
         flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
         if flat is not None and flat[1] < best:
             point, best = flat
-        if best - lower <= max(close, int(ratio * best)) or count >= _MAX_CELLS:
+        if best - lower <= max(close, int(ratio * best)) or count >= MAX_CELLS:
             break
     return point, best, min(lower, best), n_cells
 
@@ -247,11 +187,3 @@ def _meeting_point(
     ids = planes_not_clear(facets, lattice)
     violated = [i for i, s in zip(ids, exact_slacks(facets, ids, lattice), strict=True) if s < 0]
     return np.array([float(v) for v in exact]), int(planes.weights[violated].sum())
-
-
-def _skew_cube(region: Domain, axes: NDArray[np.float64]) -> RootCube:
-    """Place a cube around the domain whose cells do not line up with planes at simple fractions of its size."""
-    cube, _ = root_cube(region.vertices, axes)
-    edge = cube.edge * 1.0860342
-    shift = cube.edge * np.array([0.0398107, 0.0466301, 0.0321433])
-    return RootCube(cube.corner - shift @ axes, edge, axes)

@@ -10,18 +10,23 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_depth, as_nonnegative, as_share
 from voxkernel._core import exact_cells
 from voxkernel.exact import kernel_of_halfspaces
+from voxkernel.exact.exact_kernel import kernel_of_stream
 from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, SurfaceLike, surface_argument
+from voxkernel.large import StreamedSurface
+from voxkernel.large.stream_mesh import reader_of
+from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.root_cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
 from voxkernel.voxels.exact_octree import rows_for_voxels
 from voxkernel.voxels.kernel_grid import KernelGrid
+from voxkernel.voxels.streamed_rows import planes_for_voxels
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, as_step, relaxed_kernels, still_apart, wrapped
 
 __all__ = ["voxel_kernel"]
 
 
 def voxel_kernel(
-    surface: SurfaceLike,
+    surface: SurfaceLike | StreamedSurface,
     *,
     depth: int | None = None,
     voxel_size: float | None = None,
@@ -37,8 +42,10 @@ def voxel_kernel(
 
     Parameters
     ----------
-    surface : mesh, path, (vertices, faces) or HalfSpaces
-        Anything `as_mesh` takes, facets counter-clockwise seen from outside; or half-spaces.
+    surface : mesh, path, (vertices, faces), HalfSpaces or StreamedSurface
+        Anything `as_mesh` takes, facets counter-clockwise seen from outside; half-spaces; or a surface of
+        `stream_mesh`, for exact kernels in the frame of the world; of one without volume voxels may stay undecided
+        that facets left out would exclude.
     depth : int, optional
         2**depth voxels along the root cube, which is the bounding cube of the surface or of the domain;
         3 to 20, 7 by default.
@@ -108,6 +115,12 @@ def voxel_kernel(
     if margin is not None and share:
         raise ValueError("`margin` must not be given together with `tolerance`; got both")
     above_least = None if margin is None else as_nonnegative("margin", margin)
+    if isinstance(surface, StreamedSurface):
+        if share or above_least is not None:
+            raise ValueError("`tolerance` must be 0 and `margin` None for a streamed surface; got a relaxed kernel")
+        if frame != "world":
+            raise ValueError(f"`frame` must be 'world' for a streamed surface; got {frame!r}")
+        return _of_stream(reader_of(surface, facets), domain, step)
     found = surface_argument(surface, facets)
     axes = found.axes(frame)
     if above_least is not None:
@@ -115,6 +128,22 @@ def voxel_kernel(
     if share:
         return relaxed_kernels(found, [share], False, domain, axes, step, n_threads)[0]
     return _exact(found, domain, axes, step)
+
+
+def _of_stream(reader: SurfaceReader, domain: Any, step: Step) -> KernelGrid:
+    """Run the octree on the planes that can make a difference to a voxel."""
+    depth, voxel_size, rtol = step
+    kernel = kernel_of_stream(reader, domain)
+    facts, region = reader.facts(), kernel.domain
+    corners = np.stack([facts.low, facts.high]) if region is None else region.vertices
+    if rtol is not None:
+        corners = kernel.vertices
+    cube, levels = root_cube(corners, np.eye(3), depth=depth, voxel_size=voxel_size)
+    inside = find_feasibility(kernel.certificate.halfspaces)
+    # Of the coarsest voxels more planes are needed than of finer ones.
+    planes = planes_for_voxels(reader, kernel, inside, cube, levels if rtol is None else MIN_DEPTH).merged()
+    octree = _Octree(planes, find_feasibility(planes), region)
+    return _grid(octree, cube, levels) if rtol is None else _refined(octree, corners, np.eye(3), rtol)
 
 
 def _check_one(name: str, number: Any) -> None:
