@@ -27,7 +27,13 @@ def test_answers_are_those_of_memory(star, command, capsys):
     name, *options = command
     for form in ([], ["--json"]):
         whole = said(capsys, name, star, *options, *form)
-        assert said(capsys, name, star, "--stream", *options, *form) == whole
+        streamed = said(capsys, name, star, "--stream", *options, *form)
+        if name == "score" and form:  # sizes are compared with those of other meshes in memory only
+            (row,) = json.loads(whole)
+            assert row.pop("diagonal") > 0
+            assert json.loads(streamed) == [row]
+        else:
+            assert streamed == whole
 
 
 def test_a_folder_of_tiles(tmp_path, capsys):

@@ -19,6 +19,7 @@ __all__ = ["Rows", "StreamedPlanes", "Tightest", "some_rows"]
 
 _UNIT = 2.0**-53
 _FAR = 2.0**500  # beyond this no rounded sign is trusted
+_ALL = np.empty(0, np.bool_)  # of the planes of a part
 _MOST = 4096  # planes that object and are decided exactly in one go
 _ALIKE = 1e-6  # normals and offsets of planes that may be the same differ by less
 _PRODUCTS = 1 << 20  # held at a time
@@ -181,7 +182,7 @@ class StreamedPlanes:
         found, fresh = _no_rows(), _no_rows()
         for first, planes in self.parts(stage):
             arrays = planes.local_normals, planes.local_offsets, planes.local_errors
-            ids = planes_reaching(*arrays, center, corners, margin)[0]
+            ids = planes_reaching(*arrays, center, corners, margin, _ALL)
             if not len(ids):
                 continue
             fresh = fresh.joined(self.heads(some_rows(first, planes, ids)))

@@ -13,6 +13,8 @@ from voxkernel.relaxed.root_cube import RootCube, cube_planes
 
 __all__ = ["planes_for_voxels"]
 
+_ALL = np.empty(0, np.bool_)  # of the planes of a part
+
 
 def planes_for_voxels(
     reader: SurfaceReader, kernel: KernelPolytope, inside: Feasibility, cube: RootCube, depth: int
@@ -35,9 +37,10 @@ def planes_for_voxels(
     for first, part in planes.parts("voxels"):
         _, _, reach, pads = cube_planes(part, cube, depth)
         normals, offsets, errors = part.local_normals, part.local_offsets, part.local_errors + pads * local
-        near = planes_reaching(normals, offsets, errors, point, outer, margin)[0]
+        near = planes_reaching(normals, offsets, errors, point, outer, margin, _ALL)
         blown = outer * (1.0 + beyond / radius)
-        ids = np.union1d(near, planes_reaching(normals, offsets + 0.5 * voxel * reach, errors, point, blown, margin)[0])
+        wide = planes_reaching(normals, offsets + 0.5 * voxel * reach, errors, point, blown, margin, _ALL)
+        ids = np.union1d(near, wide)
         fresh = planes.heads(some_rows(first, part, ids))
         found = fresh if found is None else planes.heads(found.joined(fresh))
     assert found is not None  # there are facets
