@@ -101,7 +101,7 @@ def test_slips(folder, capsys, words, start):
 
 def test_errors_speak_of_options(folder, capsys):
     assert said(capsys, "kernel", "cube.ply", "--voxel-size", "1e-30")[2].startswith("--voxel-size must be ")
-    assert said(capsys, "guards", "cube.ply", "--coverage", "7")[2] == "--coverage must be in (0, 1]; got 7"
+    assert said(capsys, "guards", "cube.ply", "--coverage", "7")[2].startswith("--coverage must be in (0, 1]; got 7")
     assert said(capsys, "info", ".")[2] == "'.' is a folder, not a file"
 
 

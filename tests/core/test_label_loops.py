@@ -111,13 +111,16 @@ def test_views_and_the_best_voxel_beside_all_pairs(rng, is_flat):
             assert low <= counts.max() <= high
 
 
-def test_blocks_bound_an_object_that_is_not_raced():
-    """A long C: from one arm the other is hidden, and the coarse image knows."""
+def test_blocks_bound_an_object_that_is_not_raced_to_the_end():
+    """A long C: from one arm the other is hidden, and few steps are enough to know."""
     crop = padded(label_shapes.c_shape(30, 6))
-    _, low, high, *_ = best_voxel(crop, False, depths_of(crop, False), 0, 0)
-    assert low <= high < int(crop.sum())
-    _, best, same, *_ = best_voxel(crop, False, depths_of(crop, False), 10**6, 0)
-    assert low <= best == same <= high
+    depths = depths_of(crop, False)
+    _, best, same, *_ = best_voxel(crop, False, depths, 10**6, 0)
+    assert best == same
+    bounds = [best_voxel(crop, False, depths, 0, steps)[1:3] for steps in (0, 10**4, 10**5, 10**6)]
+    assert all(low <= best <= high for low, high in bounds)
+    assert bounds[0][1] >= bounds[-1][1]
+    assert bounds[-1][1] < 0.75 * crop.sum()
 
 
 @pytest.mark.parametrize("is_flat", [False, True])

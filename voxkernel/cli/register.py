@@ -37,7 +37,7 @@ EXAMPLES = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("source", metavar="SOURCE", help="the surface to move: .ply .obj .off .stl ...")
-    parser.add_argument("target", metavar="TARGET", nargs="+", help="the surface that stays; the others of --together")
+    parser.add_argument("target", metavar="TARGET", nargs="*", help="the surface that stays; the others of --together")
     parser.add_argument("-o", "--output", metavar="FILE", help="T.json: the motion, its fit and what was tried")
     parser.add_argument("--apply", metavar="FILE", help="write the moved source: .ply .obj .off .stl")
     parser.add_argument(
