@@ -601,10 +601,10 @@ def test_command(meshes, tmp_path, command):
         (["--tolerances", "0.1", "--profile"], "must not be given together"),
         (["--views", "some"], "--views"),
         (["--views", "²"], "--views must be a number"),
-        (["--scheduler", "nonsense"], "`scheduler` must be the address of a scheduler"),
-        (["--timeout", "-1"], "`timeout` must be > 0"),
-        (["--scheduler", "tcp://127.0.0.1:9"], "`scheduler` must be the address of a scheduler"),
-        (["--depth", "99"], "`depth` must be in 3..12; got 99"),
+        (["--scheduler", "nonsense"], "--scheduler must be the address of a scheduler"),
+        (["--timeout", "-1"], "--timeout must be > 0"),
+        (["--scheduler", "tcp://127.0.0.1:9"], "--scheduler must be the address of a scheduler"),
+        (["--depth", "99"], "--depth must be in 3..12; got 99"),
     ],
 )
 def test_bad_usage(meshes, tmp_path, command, words, message, monkeypatch):

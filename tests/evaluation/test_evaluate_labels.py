@@ -125,7 +125,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "`spacing` must be given" in read_rows("other")["reason"][0].as_py()
     for wrong, line in (
         (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
-        (["--spacing", "1,0,1"], "`spacing` must be > 0; got 0"),
+        (["--spacing", "1,0,1"], "--spacing must be > 0; got 0"),
         (["--rays", "2"], "`n_rays` must be in 4..4096; got 2"),
     ):
         assert main(["labels", "scene.npy", "-o", "out", *wrong]) == 2
