@@ -1,6 +1,7 @@
 // Equal positions share a number, in the order of their first appearance: an open table of the numbers given out.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <vector>
@@ -14,7 +15,7 @@ class CornerTable {
  public:
   // The number of a position among `points`, to which it is added if it is new. A position with a NaN equals none.
   Index number_of(const double* point, GrowingArray<double>& points) {
-    const bool is_number = point[0] == point[0] && point[1] == point[1] && point[2] == point[2];
+    const bool is_number = !has_nan(point);
     const Index n = points.size() / 3;
     if (is_number) {
       if (2 * (n + 1) > static_cast<Index>(slots_.size())) grow(points);
@@ -32,6 +33,9 @@ class CornerTable {
   }
 
  private:
+  static bool has_nan(const double* point) {
+    return std::isnan(point[0]) || std::isnan(point[1]) || std::isnan(point[2]);
+  }
   static std::size_t hash(const double* point) {
     std::uint64_t mixed = 0;
     for (int k = 0; k < 3; ++k) {
@@ -50,7 +54,7 @@ class CornerTable {
     slots_.assign(room, 0);
     for (Index i = 0; 3 * i < points.size(); ++i) {
       const double point[3] = {points[3 * i], points[3 * i + 1], points[3 * i + 2]};
-      if (point[0] != point[0] || point[1] != point[1] || point[2] != point[2]) continue;
+      if (has_nan(point)) continue;
       std::size_t slot = hash(point) & (room - 1);
       while (slots_[slot] != 0) slot = (slot + 1) & (room - 1);
       slots_[slot] = i + 1;

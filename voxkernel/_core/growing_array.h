@@ -1,6 +1,7 @@
 // An array that grows and is handed over as it is: the system moves its pages, so that it is never held twice.
 #pragma once
 
+#include <algorithm>
 #include <cstdlib>
 #include <new>
 #include <type_traits>
@@ -15,13 +16,13 @@ class GrowingArray {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
-  GrowingArray() = default;
+  GrowingArray() { resize_room(kLeast); }
   GrowingArray(const GrowingArray&) = delete;
   GrowingArray& operator=(const GrowingArray&) = delete;
   ~GrowingArray() { std::free(data_); }
 
   void push(T value) {
-    if (size_ == room_) resize_room(room_ < 512 ? 1024 : room_ + room_ / 2);
+    if (size_ == room_) resize_room(std::max(kLeast, room_ + room_ / 2));
     data_[size_++] = value;
   }
   Index size() const { return size_; }
@@ -37,6 +38,8 @@ class GrowingArray {
   }
 
  private:
+  static constexpr Index kLeast = 1024;
+
   void resize_room(Index room) {
     void* moved = std::realloc(static_cast<void*>(data_), static_cast<std::size_t>(room) * sizeof(T));
     if (moved == nullptr) throw std::bad_alloc();

@@ -60,7 +60,8 @@ bool ObjReader::read_vertex(Text rest) {
   double values[7];
   int n = 0;
   for (rest.skip_blanks(); !rest.is_empty(); rest.skip_blanks()) {
-    if (n == 7 || !parse_double(rest.take_word(), values[n++])) return false;
+    if (n == 7 || !parse_double(rest.take_word(), values[n])) return false;
+    ++n;
   }
   if (n != 3 && n != 4 && n != 6 && n != 7) return false;
   for (int k = 0; k < 3; ++k) found.points.push(values[k]);

@@ -43,6 +43,19 @@ class Triangles(NamedTuple):
         return Triangles(self.corners[ids], self.along_b[ids], self.along_c[ids], self.solid[ids])
 
 
+def _weights(areas: NDArray[np.float64], scale: float, samples: int) -> NDArray[np.float64]:
+    """Give areas in units of the square of the scale.
+
+    Those of a needle are far below it, so they are rounded among each other, and their sum as far as it has digits.
+    Without any area all samples count alike.
+    """
+    total = float(areas.sum())
+    if not total > 0.0:
+        return np.full(len(areas), 1.0 / samples)
+    mantissa, exponent = np.frexp(total / scale / scale)
+    return on_grid(areas / (total / samples)) / samples * float(np.ldexp(on_grid(mantissa), exponent))
+
+
 class Side:
     """Samples of a surface and a search tree of its triangles, scaled to the size of the pair."""
 
@@ -52,7 +65,7 @@ class Side:
         self.facet_normals = on_grid(skin.normals)
         points, owners, areas = spread_samples(skin.vertices, skin.faces, samples)
         self.points, self.normals = on_grid(points / scale), self.facet_normals[owners]
-        self.areas = on_grid(areas / (scale**2 / samples)) / samples
+        self.areas = _weights(areas, scale, samples)
         self.area = float(self.areas.sum())
         self._rim = skin.rim
 
