@@ -126,11 +126,11 @@ def test_command(tmp_path, capsys, monkeypatch):
     for wrong, line in (
         (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
         (["--spacing", "1,0,1"], "--spacing must be > 0; got 0"),
-        (["--rays", "2"], "`n_rays` must be in 4..4096; got 2"),
+        (["--rays", "2"], "--rays must be in 4..4096; got 2"),
     ):
         assert main(["labels", "scene.npy", "-o", "out", *wrong]) == 2
         assert line in capsys.readouterr().err
-    for name, words in (("x.png", "`path` must end in .tif, .tiff"), ("no/x.tif", "must be in an existing folder")):
+    for name, words in (("x.png", "'x.png' must end in .tif, .tiff"), ("no/x.tif", "must be in an existing folder")):
         assert main(["labels", "scene.npy", "--spacing", "1,1,1", "-o", "new", "--map", name]) == 2
         assert words in capsys.readouterr().err
         assert not (tmp_path / "new").exists()  # seen before anything is computed
