@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapes
-from test_register import moved, off, pose
+from motions import moved, off, pose
 
 from voxkernel import register
 from voxkernel.registration.evidence import Evidence

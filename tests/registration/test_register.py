@@ -6,31 +6,13 @@ import numpy as np
 import pytest
 import shapes
 from cells import hull_cell
+from motions import moved, off, pose
 from scipy.spatial.transform import Rotation
 
 from voxkernel import as_mesh, exact_kernel, kernel_moments, register, register_many, voxel_kernel
 from voxkernel.demo_shapes import face
 from voxkernel.errors import MeshError
 from voxkernel.registration import align_kernels, frame_candidates, prepare_surface, refine_alignment, score_alignment
-
-
-def pose(seed, size=1.0):
-    """A random rigid motion as a 4x4 matrix."""
-    rng = np.random.default_rng(seed)
-    motion = np.eye(4)
-    motion[:3, :3] = Rotation.random(random_state=rng).as_matrix()
-    motion[:3, 3] = rng.normal(size=3) * size
-    return motion
-
-
-def moved(motion, vertices):
-    return vertices @ motion[:3, :3].T + motion[:3, 3]
-
-
-def off(found, truth, vertices):
-    """How far the points end from where they should, as a share of the diagonal."""
-    extent = np.linalg.norm(np.ptp(vertices, axis=0))
-    return np.abs(moved(found, vertices) - moved(truth, vertices)).max() / extent
 
 
 def boulder(n=24, seed=5):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapes
+from motions import moved, pose
 from scipy.spatial.transform import Rotation
 
 from voxkernel import JointRegistration, register_together
@@ -14,19 +15,6 @@ from voxkernel.registration.joint_refinement import refined_together
 from voxkernel.registration.pose_tree import Edge, Scans, pose_tree
 from voxkernel.registration.search import inverse, rotation_angle_deg
 from voxkernel.registration.shortlist import compared, describe, ranked_pairs, shortlist
-
-
-def pose(seed, size=1.0):
-    """A random rigid motion as a 4x4 matrix."""
-    rng = np.random.default_rng(seed)
-    motion = np.eye(4)
-    motion[:3, :3] = Rotation.random(random_state=rng).as_matrix()
-    motion[:3, 3] = rng.normal(size=3) * size
-    return motion
-
-
-def moved(motion, vertices):
-    return vertices @ motion[:3, :3].T + motion[:3, 3]
 
 
 def strips():

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octahedron.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -55,24 +56,11 @@ Triangulation::Triangulation(const DualPoints& duals, int n_inserters)
       slots(duals.size() + 6, -1),
       first_same(duals.size()) {
   const std::int32_t x = duals.size();
-  const std::int32_t faces[8][3] = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
-                                    {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
   for (int i = 0; i < 8; ++i) {
-    triangles[i] = {{x + faces[i][0], x + faces[i][1], x + faces[i][2]}, {-1, -1, -1}, 0};
+    const std::int32_t* face = kOctahedron[i];
+    triangles[i] = {{x + face[0], x + face[1], x + face[2]}, {-1, -1, -1}, 0};
   }
-  for (int i = 0; i < 8; ++i) {
-    DualTriangle& t = triangles[i];
-    for (int k = 0; k < 3; ++k) {
-      for (std::int32_t other = 0; other < 8; ++other) {
-        const DualTriangle& o = triangles[other];
-        for (int m = 0; m < 3; ++m) {
-          if (o.corner[m] == t.corner[(k + 2) % 3] && o.corner[(m + 1) % 3] == t.corner[(k + 1) % 3]) {
-            t.across[k] = other;
-          }
-        }
-      }
-    }
-  }
+  link_octahedron(triangles.get());
   for (std::int32_t i = 0; i < x; ++i) first_same[i] = i;
 }
 

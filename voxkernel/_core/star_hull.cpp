@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "avx2.h"
+#include "octahedron.h"
 
 namespace voxkernel {
 namespace {
@@ -56,8 +57,6 @@ void StarHull::push(double x, double y, double z) {
 
 // The sides of the cube: an octahedron about the origin.
 void StarHull::begin() {
-  static constexpr std::int32_t kFaces[8][3] = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
-                                                {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
   const std::size_t n = x_.size();
   triangles_.assign(8, Triangle{});
   marks_.assign(8, 0);
@@ -66,19 +65,8 @@ void StarHull::begin() {
   slots_.assign(n, -1);
   stamps_.assign(n, 0);
   stamp_ = 0;
-  for (std::int32_t t = 0; t < 8; ++t) place(t, kFaces[t][0], kFaces[t][1], kFaces[t][2]);
-  for (Triangle& t : triangles_) {
-    for (int k = 0; k < 3; ++k) {
-      for (std::int32_t other = 0; other < 8; ++other) {
-        const Triangle& o = triangles_[other];
-        for (int m = 0; m < 3; ++m) {
-          if (o.corner[m] == t.corner[(k + 2) % 3] && o.corner[(m + 1) % 3] == t.corner[(k + 1) % 3]) {
-            t.across[k] = other;
-          }
-        }
-      }
-    }
-  }
+  for (std::int32_t t = 0; t < 8; ++t) place(t, kOctahedron[t][0], kOctahedron[t][1], kOctahedron[t][2]);
+  link_octahedron(triangles_.data());
 }
 
 // False where the triangle does not certainly turn about the origin.

@@ -83,10 +83,6 @@ class StreamFacts(NamedTuple):
         before = self.degenerate - np.arange(len(self.degenerate))
         return rows + np.searchsorted(before, rows, side="right")
 
-    def rows_before(self, facet: int) -> int:
-        """How many facets before this one have a plane."""
-        return facet - int(np.searchsorted(self.degenerate, facet))
-
 
 class SurfaceReader:
     """Reads triangles `chunk_facets` at a time, as often as it takes; what it finds out is kept."""

@@ -58,18 +58,26 @@ class _Stretches:
     def use(self, size: int) -> None:
         self._left = self._left[size:]
 
-    def feed(self, reader: _Reader, *, rows: bool = False) -> bool:
-        """Give a reader what is left, to its last row or to the end; False where it gave up."""
-        while True:
-            used = reader.feed(np.frombuffer(self._left, np.uint8), self._is_last)
-            if used < 0:
-                return False
-            self._left = self._left[used:]
-            if rows and isinstance(reader, ElementRows) and reader.rows_left == 0:
-                return True
+    def feed(self, reader: _Reader) -> bool:
+        """Give a reader all that is left; False where it gave up, or something remains."""
+        while self._give(reader):
             if self._is_last:
-                return not rows and not self._left
-            self._read(max(_STRETCH, len(self._left)))
+                return not self._left
+            self._read_more()
+        return False
+
+    def feed_rows(self, reader: ElementRows) -> bool:
+        """Give a reader what is left up to its last row; False where it gave up, or a row is missing."""
+        while self._give(reader):
+            if reader.rows_left == 0 or self._is_last:
+                return reader.rows_left == 0
+            self._read_more()
+        return False
+
+    def _give(self, reader: _Reader) -> bool:
+        used = reader.feed(np.frombuffer(self._left, np.uint8), self._is_last)
+        self._left = self._left[max(0, used) :]
+        return used >= 0
 
     def rest(self, *, blank: bool) -> bool:
         """Whether nothing is left, or nothing but white space."""
@@ -80,6 +88,9 @@ class _Stretches:
                 return True
             self._left = b""
             self._read(_STRETCH)
+
+    def _read_more(self) -> None:
+        self._read(max(_STRETCH, len(self._left)))  # a line may be longer than a stretch
 
     def _read(self, size: int) -> None:
         more = self._stream.read(size)
@@ -109,7 +120,7 @@ def _off(file: _Stretches, _: int) -> Polygons | None:
     n_vertices, n_faces = int(head[1]), int(head[2])
     points = ElementRows([("f", 8, "", 0, role) for role in range(3)], n_vertices, "", "#", 1)
     faces = ElementRows([("i", 8, "i", 8, 3)], n_faces, "", "#", _FACE_EXTRA)
-    if not (file.feed(points, rows=True) and file.feed(faces, rows=True) and file.rest(blank=True)):
+    if not (file.feed_rows(points) and file.feed_rows(faces) and file.rest(blank=True)):
         return None
     return Polygons(points.take()[0], *faces.take()[1:])
 
@@ -131,7 +142,7 @@ def _ply(file: _Stretches, _: int) -> Polygons | None:
             for item, role in zip(element.properties, roles, strict=True)
         ]
         rows = ElementRows(properties, element.n, order, "", 1)
-        if element.n and not file.feed(rows, rows=True):
+        if element.n and not file.feed_rows(rows):
             return None
         if element.name == "vertex":
             points = rows.take()[0]

@@ -12,9 +12,18 @@ from voxkernel.exact.inner_point import inner_point
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.plane_passes import reaching_planes, tightest_planes
 
-__all__ = ["rows_for_voxels"]
+__all__ = ["blow_up", "rows_for_voxels"]
 
 _CULL_ABOVE = 1000
+
+
+def blow_up(inside: Feasibility, voxel: float, pad: float) -> float | None:
+    """Give 1 + e / r of `rows_for_voxels`, local units; None where there is no depth to blow up about."""
+    radius = 0.999 * inside.clearance
+    if inside.dimension < 3 or not radius > 0.0:
+        return None
+    beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
+    return 1.0 + beyond / radius
 
 
 def rows_for_voxels(
@@ -47,10 +56,9 @@ def rows_for_voxels(
     more than its pad takes none from the inside.
     """
     everything = np.arange(len(planes))
-    radius = 0.999 * inside.clearance
-    if inside.dimension < 3 or not radius > 0.0 or len(planes) <= _CULL_ABOVE:
+    factor = blow_up(inside, voxel, pad)
+    if factor is None or len(planes) <= _CULL_ABOVE:
         return everything
-    beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
     point = inner_point(planes, inside)
     tight = np.unique(np.concatenate([tightest_planes(planes, point.local), inside.working_set]))
     outer = polyhedron_around(planes, point, tight)
@@ -62,6 +70,6 @@ def rows_for_voxels(
     is_near[tight] = True
     is_near[reaching_planes(planes, point.local, outer.vertices, margin=margin)] = True
     farther = replace(planes, local_offsets=planes.local_offsets + 0.5 * voxel * reach)
-    blown_up = outer.vertices * (1.0 + beyond / radius)
+    blown_up = outer.vertices * factor
     is_near[reaching_planes(farther, point.local, blown_up, margin=margin, among=~is_near)] = True
     return np.flatnonzero(is_near)

@@ -10,6 +10,7 @@ from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.large.streamed_planes import Rows, StreamedPlanes, some_rows
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.root_cube import RootCube, cube_planes
+from voxkernel.voxels.exact_octree import blow_up
 
 __all__ = ["planes_for_voxels"]
 
@@ -24,12 +25,13 @@ def planes_for_voxels(
     The polytope around the kernel is the kernel itself. The planes of the domain come last.
     """
     kept, point = kernel.certificate.halfspaces, inside.local_point
-    radius = 0.999 * inside.clearance
-    if kernel.dimension < 3 or point is None or not radius > 0.0:
+    if kernel.dimension < 3 or point is None:
         return kept
     local = cube.edge / kept.scale
     voxel, pad = 2.0**-depth * local, float(cube_planes(kept, cube, depth)[3].max()) * local
-    beyond = 0.5 * np.sqrt(3.0) * voxel * (1 + 1e-9) + 4.0 * pad
+    factor = blow_up(inside, voxel, pad)
+    if factor is None:
+        return kept
     outer = kept.to_local(kernel.vertices) - point
     margin = 1e-9 * float(np.abs(outer).max()) + 2.0 * pad + kernel.max_residual / kept.scale
     planes = StreamedPlanes(reader).in_domain(kernel.domain)
@@ -38,8 +40,7 @@ def planes_for_voxels(
         _, _, reach, pads = cube_planes(part, cube, depth)
         normals, offsets, errors = part.local_normals, part.local_offsets, part.local_errors + pads * local
         near = planes_reaching(normals, offsets, errors, point, outer, margin, _ALL)
-        blown = outer * (1.0 + beyond / radius)
-        wide = planes_reaching(normals, offsets + 0.5 * voxel * reach, errors, point, blown, margin, _ALL)
+        wide = planes_reaching(normals, offsets + 0.5 * voxel * reach, errors, point, outer * factor, margin, _ALL)
         ids = np.union1d(near, wide)
         fresh = planes.heads(some_rows(first, part, ids))
         found = fresh if found is None else planes.heads(found.joined(fresh))
