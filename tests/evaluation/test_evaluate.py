@@ -164,7 +164,7 @@ def test_no_cell_of_the_csv_is_a_formula(tmp_path):
     fs, path = run_table.open_run(str(tmp_path))
     run_table.write_part(fs, path, rows)
     table = run_table.read_rows(str(tmp_path))
-    run_table.write_csv(fs, path, table)
+    run_table.write_csv(fs, path, [table])
     with open(tmp_path / "rows.csv", newline="", encoding="utf-8") as stream:
         listed = list(csv.DictReader(stream))
     assert {row["file"] for row in listed} == {"'" + name for name in FORMULAS}

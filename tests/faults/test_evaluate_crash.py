@@ -21,11 +21,11 @@ from faulty_runs import (
     failures,
     files,
     is_alive,
+    n_on_disk,
     stored,
     wait_for_rows,
 )
 
-from voxkernel import run_table
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.evaluation.evaluate import run_evaluation
 
@@ -70,7 +70,7 @@ def test_progress_counts_what_is_on_disk(tmp_path):
     wrong = []
 
     def look(state):
-        on_disk = run_table.read_rows(str(run)).num_rows
+        on_disk = n_on_disk(run)
         if on_disk < state.done:
             wrong.append((on_disk, state.done))
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 import posixpath
+import stat
 from collections import Counter
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -118,7 +119,7 @@ def find_items(
         others = {name for name in others if not is_label_file(name)}
     if left_out is not None:
         left_out |= {_printable(name) for name in others} - found.keys()
-    return [Item(name, url) for name, url in sorted(found.items())]
+    return [Item(name, name if name == url else url) for name, url in sorted(found.items())]
 
 
 def count_suffixes(names: Iterable[str], *, run: str) -> tuple[tuple[str, int], ...]:
@@ -139,8 +140,8 @@ def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
     """Give the name of each mesh a path leads to, and where it is."""
     if _is_local(path):
         names, others = _divided(_local(path))
-        left_out |= {str(Path(n)) for n in others}
-        return [(str(Path(n)) if n else n, n) for n in names]  # "./x" and "x" are one row
+        left_out |= {_tidy(n) for n in others}
+        return [(_tidy(n), n) for n in names]  # "./x" and "x" are one row
     fs, inner = _opened(path)
     if path.startswith("file://"):
         names, others = _divided(_local(inner))
@@ -161,6 +162,13 @@ def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
     """Divide files into those to take and the others."""
     listed = list(files)
     return [name for name, taken in listed if taken], [name for name, taken in listed if not taken]
+
+
+def _tidy(path: str) -> str:
+    """Write a path as `pathlib` does, which takes its time: most are that already."""
+    if os.sep != "/" or not path or path[0] == "." or path[-1] == "/" or "//" in path or "/." in path:
+        return str(Path(path)) if path else path
+    return path
 
 
 def _opened(url: str) -> tuple[Any, str]:
@@ -257,7 +265,9 @@ def content_hash(item: Item) -> str:
     """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
     digest = hashlib.sha256()
     try:
-        if item.data is None and is_label_file(item.url) and _is_local(item.url):
+        if item.data is None and (data := _small_file(item.url)) is not None:
+            digest.update(data)
+        elif item.data is None and is_label_file(item.url) and _is_local(item.url):
             _hash_tree(Path(_stored(item.url)), digest)
         elif item.data is None and _is_local(item.url) and os.path.isdir(item.url):
             for name in sorted(os.listdir(item.url)):
@@ -268,6 +278,18 @@ def content_hash(item: Item) -> str:
     except Exception:  # any file system may fail in its own way; the mesh's own reader says how
         return ""
     return digest.hexdigest()
+
+
+def _small_file(path: str) -> bytes | None:
+    """Read a regular file of this machine at once; None for anything else, and for what is better read in pieces."""
+    if not _known(path) or "://" in path:
+        return None
+    with suppress(OSError):
+        about = os.stat(path)
+        if stat.S_ISREG(about.st_mode) and about.st_size <= 1 << 24:
+            with open(path, "rb", buffering=0) as stream:
+                return stream.read()
+    return None
 
 
 def _hash_tree(path: Path, digest: Any) -> None:
@@ -307,6 +329,8 @@ def local_copy(item: Item, folder: str | None = None) -> Generator[tuple[str, st
 
 def labelled(items: Sequence[Item], labels: Labels | None, views: int | Any) -> tuple[list[Item], list[str]]:
     """Give items their labels and views; also the entries of the label table that no file matched."""
+    if labels is None and views == 0:
+        return list(items), []
     made: list[Item] = []
     used: set[str] = set()
     for k, item in enumerate(items):
