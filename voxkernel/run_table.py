@@ -22,9 +22,10 @@ from voxkernel._output_file import is_unfinished, whole_file
 from voxkernel._plain import json_text
 
 __all__ = [
-    "COLUMNS", "Part", "csv_line", "current_rows", "defused", "is_local", "open_part", "open_run", "part_names",
-    "read_part", "read_parts", "read_rows", "read_settings", "remove_parts", "remove_unfinished", "schema", "to_table",
-    "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings", "write_table_part",
+    "COLUMNS", "Part", "csv_line", "current_rows", "defused", "extra_of", "is_local", "open_part", "open_run",
+    "part_names", "read_part", "read_parts", "read_rows", "read_settings", "remove_parts", "remove_unfinished",
+    "schema", "to_table", "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings",
+    "write_table_part",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -103,8 +104,13 @@ def open_run(run: str) -> tuple[Any, str]:
     try:
         fs, path = fsspec.core.url_to_fs(run)
     except ImportError as error:
-        raise ValueError(f"'{run}' cannot be opened: {error}") from error
+        raise ValueError(f"'{run}' cannot be opened: {error}{extra_of(run)}") from error
     return fs, str(path).rstrip("/") or "/"
+
+
+def extra_of(url: str) -> str:
+    """Say which extra brings the file system of a URL."""
+    return '; the extra `s3` brings it: `pip install "voxkernel[s3]"`' if url.startswith("s3://") else ""
 
 
 def write_bytes(fs: Any, path: str, data: bytes) -> None:

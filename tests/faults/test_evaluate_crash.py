@@ -40,6 +40,7 @@ def test_each_costs_its_own_row_only(tmp_path):
     assert reasons["segfault"] == "its worker process was killed by SIGSEGV, 2 times"
     assert reasons["hang"] == "took longer than 2 s: its worker was killed"
     assert reasons["memory"].startswith("out of memory: Unable to allocate")
+    assert reasons["memory"].endswith(", within the 2GB that a worker may use")
     assert reasons["raises"] == "RuntimeError: oh no"
     assert reasons["exit"] == "its worker process ended with exit code 7, 2 times"
     assert all(len(r["content_hash"]) == 64 for r in result.table().to_pylist())

@@ -98,7 +98,7 @@ def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool =
             yield Cluster(client, False)
         return
     ends: dict[str, tuple[int, bool]] = {}
-    n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
+    n = max(1, min(settings.workers or (os.cpu_count() or 1) // settings.threads, n_meshes))
     optional("distributed.utils")._forkserver_preload_set = True  # else it imports pandas here, for a server of its own
     with _quiet(), scratch_folder() as folder, config.set(
         {**_CONFIG, "temporary-directory": folder, "distributed.worker.multiprocessing-method": method}

@@ -244,6 +244,7 @@ def _described(
         "views": settings.views,
         "timeout": settings.timeout,
         "memory_limit": settings.memory_limit,
+        "threads": settings.threads,
         "workers": settings.workers,
         "paths": [os.fspath(p).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace") for p in paths],
         "n_meshes": n_meshes,

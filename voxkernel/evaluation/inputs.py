@@ -18,7 +18,7 @@ from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.labels import is_label_file
-from voxkernel.run_table import defused, is_local, open_run
+from voxkernel.run_table import defused, extra_of, is_local, open_run
 
 __all__ = [
     "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled",
@@ -27,7 +27,9 @@ __all__ = [
 
 _SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .vtp .x3d .x3dv".split())
 _SOLIDS = (".hedra", ".mesh", ".vtu")
+_KNOWN = frozenset(_SURFACES + _SOLIDS)
 _MAGIC = "*?["
+_READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe is not waited for
 
 
 class BadInput(ValueError):
@@ -177,7 +179,7 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         return fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as error:
-        raise BadInput(f"'{url}' cannot be opened: {error}") from error
+        raise BadInput(f"'{url}' cannot be opened: {error}{extra_of(url)}") from error
 
 
 def _local(path: str) -> list[tuple[str, bool]]:
@@ -210,7 +212,7 @@ def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
     for entry in entries:
         if entry.name.startswith("."):
             continue
-        if os.path.isdir(entry.path) and not is_label_file(entry.name):
+        if entry.is_dir() and not is_label_file(entry.name):
             files += _below(entry.path, (*above, place))
         else:
             files.append((entry.path, _known(entry.name)))
@@ -218,7 +220,7 @@ def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
 
 
 def _known(name: str) -> bool:
-    return posixpath.splitext(name)[1].lower() in _SURFACES + _SOLIDS
+    return posixpath.splitext(name)[1].lower() in _KNOWN
 
 
 def _is_cells(folder: str) -> bool:
@@ -263,11 +265,11 @@ def with_data(item: Item) -> Item:
 
 def content_hash(item: Item) -> str:
     """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
+    if item.data is None and (data := _small_file(item.url)) is not None:
+        return hashlib.sha256(data).hexdigest()
     digest = hashlib.sha256()
     try:
-        if item.data is None and (data := _small_file(item.url)) is not None:
-            digest.update(data)
-        elif item.data is None and is_label_file(item.url) and _is_local(item.url):
+        if item.data is None and is_label_file(item.url) and _is_local(item.url):
             _hash_tree(Path(_stored(item.url)), digest)
         elif item.data is None and _is_local(item.url) and os.path.isdir(item.url):
             for name in sorted(os.listdir(item.url)):
@@ -285,10 +287,14 @@ def _small_file(path: str) -> bytes | None:
     if not _known(path) or "://" in path:
         return None
     with suppress(OSError):
-        about = os.stat(path)
-        if stat.S_ISREG(about.st_mode) and about.st_size <= 1 << 24:
-            with open(path, "rb", buffering=0) as stream:
-                return stream.read()
+        file = os.open(path, _READING)
+        try:
+            about = os.fstat(file)
+            if stat.S_ISREG(about.st_mode) and about.st_size <= 1 << 24:
+                data = os.read(file, about.st_size)
+                return data if len(data) == about.st_size else None
+        finally:
+            os.close(file)
     return None
 
 

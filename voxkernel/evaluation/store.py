@@ -90,14 +90,17 @@ class RunStore:
         index = open_index(self.fs, self.path, columns)
         names, sizes = index.names, index.part_sizes()
         is_stale = index.n_stale > _STALE * sum(n for n, _ in sizes)
-        groups = [g for g in _groups(sizes) if len(g) > 1 or (is_stale and sizes[g[0]][0] > sizes[g[0]][1])]
-        if not groups:
-            return index
         self._small, self._medium = [], {}
-        with closing(index):
-            for group in groups:
-                self._replaced([names[k] for k in group], index.rows(index.places_of(group)))
-        return open_index(self.fs, self.path, columns)
+        groups = [g for g in _groups(sizes) if len(g) > 1 or (is_stale and sizes[g[0]][0] > sizes[g[0]][1])]
+        if groups:
+            with closing(index):
+                for group in groups:
+                    self._replaced([names[k] for k in group], index.rows(index.places_of(group)))
+            index = open_index(self.fs, self.path, columns)
+        for name, (n, _) in list(zip(index.names, index.part_sizes(), strict=True))[-1:]:
+            if n < _LARGE:  # it goes on growing
+                self._medium[name] = n
+        return index
 
     def _merge(self, names: Sequence[str]) -> None:
         """Make one part of the newest ones; it is not touched again in this run if it is large."""
