@@ -40,6 +40,8 @@ class RunIndex:
         self._order = run_table.current_rows(whole)
         self.n_stale = whole.num_rows - len(self._order)
         self.keys = self._sorted(whole)
+        del whole
+        optional("pyarrow").default_memory_pool().release_unused()
 
     def __len__(self) -> int:
         """How many rows count."""

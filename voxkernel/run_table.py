@@ -29,6 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 T = TypeVar("T")
+_COMPARED = 1 << 16  # names of files that are copied at a time
 
 # Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
 # null. A row is a surface, a cell of a polyhedral mesh, or an object of a label image, as `kind` says: "surface",
@@ -173,14 +174,21 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
 
 def current_rows(table: Any) -> NDArray[np.int64]:
     """Find the rows that count of parts behind each other, oldest first: sorted by file, cell and object."""
-    files = _ranks(table.column("file"))
-    n = len(files)
-    last = np.zeros(int(files.max(initial=-1)) + 1, np.int64)
-    np.maximum.at(last, files, np.arange(n))
-    counts = np.ones(n, bool)
+    pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+    order, is_new = _by_file(table.column("file"))
+    if is_new.all():
+        return order
+    files = np.empty(len(order), np.int64)
+    files[order] = np.cumsum(is_new) - 1
+    again = np.flatnonzero(np.bincount(files)[files] > 1)  # only what is there twice can have been replaced
+    last = np.zeros(len(order), np.int64)
+    np.maximum.at(last, files, np.arange(len(order)))
+    counts = np.ones(len(order), bool)
     for name in ("content_hash", "settings_hash", "finished"):
-        version = _ranks(table.column(name))
-        counts &= version == version[last[files]]
+        own = table.column(name).take(pa.array(again))
+        newest = table.column(name).take(pa.array(last[files[again]]))
+        same = compute.or_(compute.equal(own, newest).fill_null(False), compute.and_(own.is_null(), newest.is_null()))
+        counts[again] &= np.asarray(same.to_numpy(), bool)
     rows = np.flatnonzero(counts)
     cell, number = (table.column(name).fill_null(-1).to_numpy()[rows] for name in ("cell", "object"))
     order = np.lexsort((rows, number, cell, files[rows]))
@@ -189,15 +197,15 @@ def current_rows(table: Any) -> NDArray[np.int64]:
     return rows[order[is_last]].astype(np.int64)
 
 
-def _ranks(column: Any) -> NDArray[np.int64]:
-    """Number texts in their order; null is -1."""
+def _by_file(column: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Order rows by their file, equal ones as they come, and say which is the first of its file."""
     pa, compute = optional("pyarrow"), optional("pyarrow.compute")
-    texts = pa.chunked_array(column.chunks, column.type).cast(pa.large_string()).combine_chunks()
-    coded = texts.dictionary_encode()
-    rank = np.empty(len(coded.dictionary), np.int64)
-    rank[compute.sort_indices(coded.dictionary).to_numpy()] = np.arange(len(rank))
-    codes = coded.indices.fill_null(-1).to_numpy()
-    return np.where(codes < 0, -1, rank[codes]) if len(rank) else np.full(len(codes), -1)
+    order = compute.sort_indices(column).to_numpy().astype(np.int64)
+    is_new = np.ones(len(order), bool)
+    for k in range(1, len(order), _COMPARED):
+        own = column.take(pa.array(order[k - 1 : k + _COMPARED]))
+        is_new[k : k + _COMPARED] = compute.not_equal(own[1:], own[:-1]).to_numpy()
+    return order, is_new
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ if __name__ == "__main__":
 """
 REPORT = """
 import sys, voxkernel
-summary = voxkernel.write_report(sys.argv[1] + "/report.html", sys.argv[1] + "/run")
+summary = voxkernel.write_report(sys.argv[1] + "/report.html", sys.argv[1] + "/labelled")
 assert summary["n_rows"] == int(sys.argv[2])
 """
 
@@ -54,7 +54,7 @@ def make_files(folder, n):
         os.link(shapes / f"{k % SHAPES:02}.off", place / f"{k:07}.off")
 
 
-def make_run(folder, n, rng):
+def make_run(folder, n, name, labels):
     """Rows as of these files, a hundredth of them failed, in parts of 100,000."""
     settings = EvaluateSettings()
     rows = []
@@ -65,22 +65,23 @@ def make_run(folder, n, rng):
         texts = {"settings": settings_text(settings), "versions": versions_text()}
         rows.append({**row, **about, **texts, "status": "ok", "reason": ""})
     few = run_table.to_table(rows)
-    fs, path = run_table.open_run(str(folder / "run"))
+    fs, path = run_table.open_run(str(folder / name))
+    rng = np.random.default_rng(7)
     last = ""
     for begin in range(0, n, IN_PART):
         ids = np.arange(begin, min(n, begin + IN_PART))
-        part = one_part(folder, few.take(pa.array(ids % SHAPES)), ids, rng)
+        part = one_part(folder, few.take(pa.array(ids % SHAPES)), ids, labels, rng)
         last = run_table.write_table_part(fs, path, part, after=last)
     run_table.write_settings(fs, path, {"left_out": {}})
 
 
-def one_part(folder, table, ids, rng):
+def one_part(folder, table, ids, labels, rng):
     n = len(ids)
     failed = rng.random(n) < 0.01
     start = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
     given = {
         "file": [f"{folder}/in/{k // IN_FOLDER:04}/{k:07}.off" for k in ids.tolist()],
-        "label": np.array(["star", "not"], object)[(ids % 2)].tolist(),
+        "label": np.array(labels, object)[ids % 2].tolist(),
         "finished": [datetime.fromtimestamp(start + k / 50, UTC).isoformat() for k in ids.tolist()],
         "status": np.where(failed, "failed", "ok").tolist(),
         "reason": np.where(failed, "MeshReadError: half a file", "").tolist(),
@@ -115,7 +116,8 @@ def main():
     folder = args.folder.absolute()
     if not (folder / "run").exists():
         make_files(folder, args.rows)
-        make_run(folder, args.rows, np.random.default_rng(7))
+        for name, labels in (("run", [None, None]), ("labelled", ["star", "not"])):
+            make_run(folder, args.rows, name, labels)
     found = {"rows": args.rows, "resume": measured(RESUME, folder, args.rows)}
     found["report"] = measured(REPORT, folder, args.rows)
     found["page_megabytes"] = (folder / "report.html").stat().st_size / 1e6

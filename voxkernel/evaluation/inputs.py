@@ -7,7 +7,7 @@ import os
 import posixpath
 import stat
 from collections import Counter
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -138,12 +138,12 @@ def _place(name: str) -> str:
     return os.path.realpath(local) if _is_local(local) else name
 
 
-def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
+def _expanded(path: str, left_out: set[str]) -> Iterable[tuple[str, str]]:
     """Give the name of each mesh a path leads to, and where it is."""
     if _is_local(path):
         names, others = _divided(_local(path))
         left_out |= {_tidy(n) for n in others}
-        return [(_tidy(n), n) for n in names]  # "./x" and "x" are one row
+        return ((_tidy(n), n) for n in names)  # "./x" and "x" are one row
     fs, inner = _opened(path)
     if path.startswith("file://"):
         names, others = _divided(_local(inner))
@@ -162,8 +162,10 @@ def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
 
 def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
     """Divide files into those to take and the others."""
-    listed = list(files)
-    return [name for name, taken in listed if taken], [name for name, taken in listed if not taken]
+    divided: tuple[list[str], list[str]] = [], []
+    for name, taken in files:
+        divided[not taken].append(name)
+    return divided
 
 
 def _tidy(path: str) -> str:
@@ -182,41 +184,49 @@ def _opened(url: str) -> tuple[Any, str]:
         raise BadInput(f"'{url}' cannot be opened: {error}{extra_of(url)}") from error
 
 
-def _local(path: str) -> list[tuple[str, bool]]:
+def _local(path: str) -> Iterable[tuple[str, bool]]:
     """Expand a path of this machine, relative or absolute as it was given, to files and whether to take them."""
     import glob
 
     if any(c in path for c in _MAGIC) and not os.path.exists(path):
         found = sorted(glob.glob(path, recursive=True))
-        return [file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))])]
+        return (file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))]))
     return _below(path)
 
 
-def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
+def _below(path: str, above: tuple[str, ...] = ()) -> Iterator[tuple[str, bool]]:
     """A file as it is; a folder of cells as one; another folder as the files in it, and which of them to take.
 
     A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
     """
     if not os.path.isdir(path) or is_label_file(path):
-        return [(path, True)]
+        yield path, True
+        return
     place = os.path.realpath(path)
     if place in above:
-        return []
+        return
     try:
-        if _is_cells(path):
-            return [(path, True)]
-        entries = sorted(os.scandir(path), key=lambda e: e.name)
+        entries = None if _is_cells(path) else sorted(os.scandir(path), key=lambda e: e.name)
     except OSError:
-        return [(path, True)]
-    files: list[tuple[str, bool]] = []
+        entries = None
+    if entries is None:
+        yield path, True
+        return
     for entry in entries:
         if entry.name.startswith("."):
             continue
-        if entry.is_dir() and not is_label_file(entry.name):
-            files += _below(entry.path, (*above, place))
+        if _is_folder(entry) and not is_label_file(entry.name):
+            yield from _below(entry.path, (*above, place))
         else:
-            files.append((entry.path, _known(entry.name)))
-    return files
+            yield entry.path, _known(entry.name)
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    """Links are followed; one that leads in a circle is none."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
 
 
 def _known(name: str) -> bool:
@@ -237,8 +247,8 @@ def _is_cells(folder: str) -> bool:
 
 def _printable(name: str) -> str:
     """Name of a file in the table: slashes, and bytes that are no UTF-8 as escapes."""
-    name = name.replace(os.sep, "/")
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    name = name if os.sep == "/" else name.replace(os.sep, "/")
+    return name if name.isascii() else name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _is_local(url: str) -> bool:
