@@ -35,8 +35,9 @@ FOLDERS = {
     "labels": None,
     "pictures": None,
     "run_table": "",
+    "run_index": "run_table",
     "evaluation": None,
-    "report": "run_table",
+    "report": "run_table run_index",
     "demo_shapes": "mesh",
     "cli": None,
 }

@@ -8,8 +8,13 @@ import posixpath
 import re
 import time
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file
@@ -17,10 +22,14 @@ from voxkernel._output_file import is_unfinished, whole_file
 from voxkernel._plain import json_text
 
 __all__ = [
-    "COLUMNS", "csv_line", "defused", "is_local", "open_run", "part_names", "read_parts", "read_rows",
-    "read_settings", "remove_parts", "remove_unfinished", "schema", "to_table", "write_bytes", "write_csv",
-    "write_part", "write_settings", "write_table_part",
+    "COLUMNS", "Part", "csv_line", "current_rows", "defused", "extra_of", "is_local", "open_part", "open_run",
+    "part_names", "read_part", "read_parts", "read_rows", "read_settings", "remove_parts", "remove_unfinished",
+    "schema", "to_table", "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings",
+    "write_table_part",
 ]  # fmt: skip
+
+T = TypeVar("T")
+_COMPARED = 1 << 16  # names of files that are copied at a time
 
 # Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
 # null. A row is a surface, a cell of a polyhedral mesh, or an object of a label image, as `kind` says: "surface",
@@ -96,8 +105,13 @@ def open_run(run: str) -> tuple[Any, str]:
     try:
         fs, path = fsspec.core.url_to_fs(run)
     except ImportError as error:
-        raise ValueError(f"'{run}' cannot be opened: {error}") from error
+        raise ValueError(f"'{run}' cannot be opened: {error}{extra_of(run)}") from error
     return fs, str(path).rstrip("/") or "/"
+
+
+def extra_of(url: str) -> str:
+    """Say which extra brings the file system of a URL."""
+    return '; the extra `s3` brings it: `pip install "voxkernel[s3]"`' if url.startswith("s3://") else ""
 
 
 def write_bytes(fs: Any, path: str, data: bytes) -> None:
@@ -115,14 +129,19 @@ def write_part(fs: Any, run_path: str, rows: Sequence[Mapping[str, Any]]) -> str
     return write_table_part(fs, run_path, to_table(rows))
 
 
-def write_table_part(fs: Any, run_path: str, table: Any, *, after: str = "") -> str:
-    """Write a table as a new part, whose name sorts behind that of the part `after` even if the clock was set back."""
+def write_table_part(fs: Any, run_path: str, table: Any, *, after: str = "", like: str = "") -> str:
+    """Write a table as a new part.
+
+    Its name sorts behind that of the part `after` even if the clock was set back, or is of the age of the part `like`.
+    """
     pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     found = re.match(r"part-(\d+)-", posixpath.basename(after))
-    stamp = max(time.time_ns(), int(found[1]) + 1 if found else 0)
+    stamp = f"{max(time.time_ns(), int(found[1]) + 1 if found else 0):020d}"
+    if like:
+        stamp = posixpath.basename(like).removeprefix("part-").removesuffix(".parquet").partition("-")[0]
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, compression="zstd")
-    path = posixpath.join(run_path, "rows", f"part-{stamp:020d}-{uuid.uuid4().hex[:8]}.parquet")
+    path = posixpath.join(run_path, "rows", f"part-{stamp}-{uuid.uuid4().hex[:8]}.parquet")
     write_bytes(fs, path, sink.getvalue().to_pybytes())
     return path
 
@@ -143,43 +162,106 @@ def read_parts(fs: Any, names: Iterable[str]) -> Any:
     A later part counts, whatever it says; a file computed again replaces all its earlier rows. The rows of one
     computation share the time it finished.
     """
-    pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
-    tables = [_read_table(pq, fs, name) for name in names]
-    empty = schema().empty_table()
-    whole = pa.concat_tables([empty, *tables]).combine_chunks()
-    files = whole.column("file").to_pylist()
-    cells, objects = whole.column("cell").to_pylist(), whole.column("object").to_pylist()
-    versions = list(zip(whole.column("content_hash").to_pylist(), whole.column("settings_hash").to_pylist(),
-                        whole.column("finished").to_pylist(), strict=True))  # fmt: skip
-    current = dict(zip(files, versions, strict=True))
-    latest = {
-        (file, -1 if cell is None else cell, -1 if number is None else number): i
-        for i, (file, cell, number, version) in enumerate(zip(files, cells, objects, versions, strict=True))
-        if current[file] == version
-    }
-    return whole.take(pa.array([latest[key] for key in sorted(latest)], pa.int64()))
-
-
-def _read_table(pq: Any, fs: Any, name: str) -> Any:
     pa = optional("pyarrow")
+    tables: list[Any] = []
+    for name in names:
+        part = open_part(fs, name)
+        tables.append(read_part(part))
+        part.close()
+    whole = pa.concat_tables([schema().empty_table(), *tables])
+    return whole.take(pa.array(current_rows(whole)))
+
+
+def current_rows(table: Any) -> NDArray[np.int64]:
+    """Find the rows that count of parts behind each other, oldest first: sorted by file, cell and object."""
+    pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+    order, is_new = _by_file(table.column("file"))
+    if is_new.all():
+        return order
+    files = np.empty(len(order), np.int64)
+    files[order] = np.cumsum(is_new) - 1
+    again = np.flatnonzero(np.bincount(files)[files] > 1)  # only what is there twice can have been replaced
+    last = np.zeros(len(order), np.int64)
+    np.maximum.at(last, files, np.arange(len(order)))
+    counts = np.ones(len(order), bool)
+    for name in ("content_hash", "settings_hash", "finished"):
+        own = table.column(name).take(pa.array(again))
+        newest = table.column(name).take(pa.array(last[files[again]]))
+        same = compute.or_(compute.equal(own, newest).fill_null(False), compute.and_(own.is_null(), newest.is_null()))
+        counts[again] &= np.asarray(same.to_numpy(), bool)
+    rows = np.flatnonzero(counts)
+    cell, number = (table.column(name).fill_null(-1).to_numpy()[rows] for name in ("cell", "object"))
+    order = np.lexsort((rows, number, cell, files[rows]))
+    key = np.stack([files[rows], cell, number])[:, order]
+    is_last = np.append((key[:, 1:] != key[:, :-1]).any(axis=0), True)[: len(rows)]
+    return rows[order[is_last]].astype(np.int64)
+
+
+def _by_file(column: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Order rows by their file, equal ones as they come, and say which is the first of its file."""
+    pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+    order = compute.sort_indices(column).to_numpy().astype(np.int64)
+    is_new = np.ones(len(order), bool)
+    for k in range(1, len(order), _COMPARED):
+        own = column.take(pa.array(order[k - 1 : k + _COMPARED]))
+        is_new[k : k + _COMPARED] = compute.not_equal(own[1:], own[:-1]).to_numpy()
+    return order, is_new
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An open part of a run."""
+
+    name: str
+    file: Any
+
+    @property
+    def num_rows(self) -> int:
+        """How many rows it holds, whether they count or not."""
+        return int(self.file.metadata.num_rows)
+
+    def close(self) -> None:
+        """Let go of its file."""
+        self.file.close(force=True)
+
+
+def open_part(fs: Any, name: str) -> Part:
+    """Open a part; one on this machine stays readable when it is deleted."""
+    pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     check_stored_file(fs, name)
-    with fs.open(name, "rb") as stream:
-        data = stream.read()
-    wanted = schema()
-    try:
-        table = pq.read_table(pa.BufferReader(data))
+    with _damage_named(name):
+        source = pa.OSFile(os.fsencode(name)) if is_local(fs) else pa.BufferReader(fs.cat_file(name))
+        return Part(name, pq.ParquetFile(source))
+
+
+def read_part(part: Part, columns: Sequence[str] | None = None) -> Any:
+    """Read a part, or columns of it; those that an older version has not written are null."""
+    pa = optional("pyarrow")
+    wanted = schema() if columns is None else pa.schema([schema().field(name) for name in columns])
+    present = set(part.file.schema_arrow.names)
+    with _damage_named(part.name):
+        table = part.file.read(columns=[name for name in wanted.names if name in present])
         table.validate(full=True)
-        columns = [
-            table.column(f.name).cast(f.type) if f.name in table.column_names else pa.nulls(len(table), f.type)
+        found = [
+            table.column(f.name).cast(f.type) if f.name in present else pa.nulls(part.num_rows, f.type)
             for f in wanted
         ]
-        unnamed = columns[wanted.get_field_index("file")].null_count
+        unnamed = found[wanted.get_field_index("file")].null_count if "file" in wanted.names else 0
         if unnamed:
             raise ValueError(f"{unnamed} rows that name no file")
+    return pa.Table.from_arrays(found, schema=wanted)
+
+
+@contextmanager
+def _damage_named(name: str) -> Generator[None]:
+    pa = optional("pyarrow")
+    try:
+        yield
+    except FileNotFoundError:
+        raise
     except (pa.ArrowException, OSError, ValueError, MemoryError, RecursionError) as error:
         reason = " ".join(str(error).split())[:300] or type(error).__name__
         raise ValueError(f"'{name}' must be a part of a run; got {reason}") from error
-    return pa.Table.from_arrays(columns, schema=wanted)
 
 
 def read_rows(run: str) -> Any:
@@ -191,12 +273,17 @@ def read_rows(run: str) -> Any:
         Columns of `schema`; the latest row per file, cell and object, sorted by them.
     """
     fs, path = open_run(run)
+    return while_parts_move(lambda: read_parts(fs, part_names(fs, path)))
+
+
+def while_parts_move(read: Callable[[], T]) -> T:
+    """Read parts, again where a run that goes on has just made one part of several."""
     for _ in range(10):
         try:
-            return read_parts(fs, part_names(fs, path))
-        except FileNotFoundError:  # a run that goes on has just made one part of several
+            return read()
+        except FileNotFoundError:
             time.sleep(0.05)
-    return read_parts(fs, part_names(fs, path))
+    return read()
 
 
 def remove_parts(fs: Any, names: Iterable[str]) -> None:
@@ -236,11 +323,16 @@ def read_settings(run: str) -> dict[str, Any]:
     return found
 
 
-def write_csv(fs: Any, run_path: str, table: Any) -> str:
-    """Write the table as `rows.csv`; lists become JSON text, and texts are `defused`."""
-    lines = [csv_line(table.column_names), *(csv_line(list(row.values())) for row in table.to_pylist())]
+def write_csv(fs: Any, run_path: str, tables: Iterable[Any]) -> str:
+    """Write tables behind each other as `rows.csv`; lists become JSON text, and texts are `defused`."""
     path = posixpath.join(run_path, "rows.csv")
-    write_bytes(fs, path, "".join(lines).encode("utf-8", "surrogateescape"))
+    fs.makedirs(run_path, exist_ok=True)
+    with whole_file(path, durable=True) if is_local(fs) else fs.open(path, "wb") as stream:
+        stream.write(csv_line(list(COLUMNS)).encode())
+        for table in tables:
+            for batch in table.to_batches(max_chunksize=1000):
+                lines = "".join(csv_line(list(row.values())) for row in batch.to_pylist())
+                stream.write(lines.encode("utf-8", "surrogateescape"))
     return path
 
 

@@ -164,7 +164,7 @@ def test_no_cell_of_the_csv_is_a_formula(tmp_path):
     fs, path = run_table.open_run(str(tmp_path))
     run_table.write_part(fs, path, rows)
     table = run_table.read_rows(str(tmp_path))
-    run_table.write_csv(fs, path, table)
+    run_table.write_csv(fs, path, [table])
     with open(tmp_path / "rows.csv", newline="", encoding="utf-8") as stream:
         listed = list(csv.DictReader(stream))
     assert {row["file"] for row in listed} == {"'" + name for name in FORMULAS}
@@ -255,7 +255,7 @@ def test_resume(meshes, tmp_path):
 
 def test_settings_that_decide_rows_are_told_apart():
     base = settings_hash(EvaluateSettings())
-    same = EvaluateSettings(timeout=1.0, workers=7, views="all", csv=True, memory_limit="3GB", retry_failed=True)
+    same = EvaluateSettings(timeout=1, workers=7, views=9, csv=True, memory_limit="3GB", retry_failed=True, threads=2)
     assert settings_hash(same) == base
     others = [
         {"domain": "hull"}, {"gap": 1e-3}, {"depth": 5}, {"visible": True}, {"tolerances": PROFILE_TOLERANCES},
@@ -550,6 +550,7 @@ def test_no_meshes(tmp_path):
         ({"views": -1}, "`views` must be in"),
         ({"timeout": 0.0}, "`timeout` must be > 0; got 0"),
         ({"workers": 0}, "`workers` must be in 1..4096; got 0"),
+        ({"threads": 0}, "`threads` must be in 1..256; got 0"),
         ({"memory_limit": "lots"}, "`memory_limit` must be bytes, or such as '4GB'; got 'lots'"),
         ({"memory_limit": 1000}, "`memory_limit` must be at least 256 MiB; got 1000"),
     ],
@@ -604,6 +605,8 @@ def test_command(meshes, tmp_path, command):
         (["--scheduler", "nonsense"], "--scheduler must be the address of a scheduler"),
         (["--timeout", "-1"], "--timeout must be > 0"),
         (["--scheduler", "tcp://127.0.0.1:9"], "--scheduler must be the address of a scheduler"),
+        (["--threads", "0"], "--threads must be in 1..256; got 0"),
+        (["--memory", "1kB"], "--memory-limit must be at least 256 MiB; got '1kB'"),
         (["--depth", "99"], "--depth must be in 3..12; got 99"),
     ],
 )

@@ -21,11 +21,11 @@ from faulty_runs import (
     failures,
     files,
     is_alive,
+    n_on_disk,
     stored,
     wait_for_rows,
 )
 
-from voxkernel import run_table
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.evaluation.evaluate import run_evaluation
 
@@ -40,6 +40,7 @@ def test_each_costs_its_own_row_only(tmp_path):
     assert reasons["segfault"] == "its worker process was killed by SIGSEGV, 2 times"
     assert reasons["hang"] == "took longer than 2 s: its worker was killed"
     assert reasons["memory"].startswith("out of memory: Unable to allocate")
+    assert reasons["memory"].endswith(", within the 2GB that a worker may use")
     assert reasons["raises"] == "RuntimeError: oh no"
     assert reasons["exit"] == "its worker process ended with exit code 7, 2 times"
     assert all(len(r["content_hash"]) == 64 for r in result.table().to_pylist())
@@ -70,7 +71,7 @@ def test_progress_counts_what_is_on_disk(tmp_path):
     wrong = []
 
     def look(state):
-        on_disk = run_table.read_rows(str(run)).num_rows
+        on_disk = n_on_disk(run)
         if on_disk < state.done:
             wrong.append((on_disk, state.done))
 

@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     engine.add_argument(
         "--timeout", type=float, default=300.0, metavar="S", help="seconds per mesh, 0 for none; 300 by default"
     )
-    engine.add_argument("--memory-limit", metavar="SIZE", help="memory of one process, such as 4GB")
+    engine.add_argument("--threads", type=int, default=1, metavar="N", help="threads of one process; 1 by default")
+    engine.add_argument("--memory", "--memory-limit", dest="memory_limit", metavar="SIZE",
+                        help="memory of one process, such as 4GB")  # fmt: skip
     engine.add_argument("--retry-failed", action="store_true", help="try again what failed in an earlier run")
 
 
@@ -113,6 +115,7 @@ def _settings(args: argparse.Namespace) -> Any:
             domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies, guards=args.guards,
             thumbnails=args.thumbnails, views=_views(args.views),
             timeout=args.timeout or None, memory_limit=args.memory_limit, workers=args.workers,
+            threads=args.threads,
             scheduler=args.scheduler, retry_failed=args.retry_failed, csv=args.csv, **options,
         )  # fmt: skip
     except (ValueError, TypeError) as error:

@@ -12,9 +12,13 @@ import numpy as np
 from voxkernel._plain import plain
 from voxkernel.errors import MeshError
 from voxkernel.evaluation.settings import EvaluateSettings
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.labels import is_label_file
 from voxkernel.measures import Starshapeness, defect_profile, starshapeness
+from voxkernel.measures.defect_profile import profile_of_planes
+from voxkernel.measures.starshapeness import score_of_planes
 from voxkernel.mesh import MeshFacts, TriangleMesh, as_mesh
+from voxkernel.relaxed.facet_weights import weigh
 
 __all__ = ["Analysis", "analyse", "warm_up"]
 
@@ -62,13 +66,15 @@ def analyse(
         return cells
     clock = _Clock()
     mesh = as_mesh(path)
+    threads = settings.threads
     row: dict[str, Any] = {"kind": "surface", **_of_facts(mesh.facts())}
     row["seconds_read"] = clock.lap()
-    score = starshapeness(mesh, domain=settings.domain, gap=settings.gap)
+    planes = surface_argument(mesh, threads=threads)  # once, for all that follows
+    score = score_of_planes(mesh, planes, settings.domain, settings.gap, threads=threads)
     row |= _of_score(score)
     row["certificate_verified"] = score.certificate.verify()
     row["seconds_exact"] = clock.lap()
-    row |= _relaxed(mesh, score, settings)
+    row |= _relaxed(mesh, planes, score, settings)
     row["seconds_relaxed"] = clock.lap()
     files: dict[str, bytes] = {}
     if settings.thumbnails or view:
@@ -149,9 +155,14 @@ def _of_score(score: Starshapeness) -> dict[str, Any]:
     }
 
 
-def _relaxed(mesh: TriangleMesh, score: Starshapeness, settings: EvaluateSettings) -> dict[str, Any]:
+def _relaxed(
+    mesh: TriangleMesh, planes: SurfaceArgument, score: Starshapeness, settings: EvaluateSettings
+) -> dict[str, Any]:
     """Measure the defect profile, and what else was asked for, about the star centre."""
-    profile = defect_profile(mesh, tolerances=settings.tolerances, depth=settings.depth, domain=settings.domain)
+    profile = profile_of_planes(
+        weigh(planes.halfspaces), planes, planes.bounded_domain(settings.domain), np.array(settings.tolerances),
+        settings.depth, settings.threads,
+    )  # fmt: skip
     row: dict[str, Any] = {
         "profile_tolerances": profile.tolerances.tolist(),
         "profile_shares": profile.volume_share.tolist(),
@@ -163,7 +174,7 @@ def _relaxed(mesh: TriangleMesh, score: Starshapeness, settings: EvaluateSetting
         row |= {"visible_fraction": seen.fraction}
         row |= {"visible_lower": seen.bounds[0], "visible_upper": seen.bounds[1]}
     if settings.guards is not None:
-        row |= _guarded(mesh, settings.guards)
+        row |= _guarded(mesh, settings.guards, settings.threads)
     if settings.energies is not None:
         from voxkernel.spherical import spherical_map
 
@@ -172,12 +183,12 @@ def _relaxed(mesh: TriangleMesh, score: Starshapeness, settings: EvaluateSetting
     return row
 
 
-def _guarded(mesh: TriangleMesh, coverage: float) -> dict[str, Any]:
+def _guarded(mesh: TriangleMesh, coverage: float, threads: int) -> dict[str, Any]:
     """Count the guards; a surface without an inner side has none, and a reason."""
     from voxkernel.guarding import guards
 
     try:
-        found = guards(mesh, coverage=coverage)
+        found = guards(mesh, coverage=coverage, threads=threads)
     except MeshError as error:
         return {"guards_reason": str(error)}
     return {

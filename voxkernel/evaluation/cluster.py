@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from typing import Any
 
 from voxkernel._extras import optional
 from voxkernel.errors import SolverError
+from voxkernel.evaluation.fork_server import interrupt_blocked, start_method
 from voxkernel.evaluation.inputs import BadInput
 from voxkernel.evaluation.scratch_folder import scratch_folder
 from voxkernel.evaluation.settings import EvaluateSettings
@@ -40,7 +40,7 @@ _CONFIG: dict[str, Any] = {
 _GUARD = 'A script, which must be a file, has to call `evaluate` under `if __name__ == "__main__":`.'
 _NEVER = logging.CRITICAL + 1
 # One thread of each library in each process, and a mark.
-_ENVIRONMENT = dict.fromkeys(
+_ENVIRONMENT: dict[str, str] = dict.fromkeys(
     ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", OWN_WORKER), "1"
 )
 
@@ -78,12 +78,13 @@ class Cluster:
 
 
 @contextmanager
-def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
-    """Connect to the scheduler of the settings, or start worker processes and end them afterwards.
+def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool = True) -> Generator[Cluster]:
+    """Connect to the scheduler of the settings, or start worker processes, for the analysis of meshes or another.
 
     Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
     ours talk over TLS, with a key that is made for this run and that only its processes know.
     """
+    method = "" if settings.scheduler is not None else start_method(_ENVIRONMENT, for_analysis=for_analysis)
     distributed, config = optional("distributed"), optional("dask").config
     if settings.scheduler is not None:
         try:
@@ -97,13 +98,17 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
             yield Cluster(client, False)
         return
     ends: dict[str, tuple[int, bool]] = {}
-    n = max(1, min(settings.workers or os.cpu_count() or 1, n_meshes))
-    with _quiet(), scratch_folder() as folder, config.set({**_CONFIG, "temporary-directory": folder}):
-        options: dict[str, Any] = {"dashboard_address": None, "env": _ENVIRONMENT, "local_directory": folder}
-        options |= {"protocol": "tls://", "security": distributed.Security.temporary()}
+    n = max(1, min(settings.workers or (os.cpu_count() or 1) // settings.threads, n_meshes))
+    optional("distributed.utils")._forkserver_preload_set = True  # else it imports pandas here, for a server of its own
+    with _quiet(), scratch_folder() as folder, config.set(
+        {**_CONFIG, "temporary-directory": folder, "distributed.worker.multiprocessing-method": method}
+    ):
+        options: dict[str, Any] = {"dashboard_address": None, "local_directory": folder}
+        options["env"] = {**os.environ, **_ENVIRONMENT}  # what a fork has is that of its server
+        options |= {"protocol": "tls://", "security": _security()}
         options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
         try:
-            with _interrupt_blocked():
+            with interrupt_blocked():
                 made = distributed.LocalCluster(
                     n_workers=n, threads_per_worker=1, processes=True, worker_class=_recording_nanny(ends),
                     memory_limit=_memory_of_each(settings, n), silence_logs=_NEVER, host="127.0.0.1", **options,
@@ -114,22 +119,6 @@ def connected(settings: EvaluateSettings, n_meshes: int) -> Generator[Cluster]:
             yield Cluster(client, True, ends)
 
 
-@contextmanager
-def _interrupt_blocked() -> Generator[None]:
-    """Keep Ctrl-C from threads made inside, and so from the processes they start: this one ends them in order."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()  # else the first process starts it, which lets the signal through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _memory_of_each(settings: EvaluateSettings, n: int) -> int:
     """Give the size at which a nanny ends a worker, above the limit at which allocations fail."""
     limit = settings.memory_bytes()
@@ -137,6 +126,27 @@ def _memory_of_each(settings: EvaluateSettings, n: int) -> int:
         return int(limit / 0.95 * 1.25)
     cpus, memory = optional("dask.system").CPU_COUNT, optional("distributed.system").MEMORY_LIMIT
     return int(memory * 0.9 / min(n, max(1, cpus)))
+
+
+def _security() -> Any:
+    """Make a key for this run, as `distributed.Security.temporary` does, but on a curve, which takes no time."""
+    from datetime import UTC, datetime, timedelta
+
+    x509, hashes = optional("cryptography.x509"), optional("cryptography.hazmat.primitives.hashes")
+    serialization = optional("cryptography.hazmat.primitives.serialization")
+    curves = optional("cryptography.hazmat.primitives.asymmetric.ec")
+    key = curves.generate_private_key(curves.SECP256R1())
+    name, now = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, "voxkernel")]), datetime.now(UTC)
+    builder = x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
+    builder = builder.serial_number(x509.random_serial_number())
+    builder = builder.not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=365))
+    cert = builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM).decode()
+    secret = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    ).decode()
+    roles = {f"tls_{role}_{what}": text for role in ("client", "scheduler", "worker")
+             for what, text in (("key", secret), ("cert", cert))}  # fmt: skip
+    return optional("distributed").Security(require_encryption=True, tls_ca_file=cert, **roles)
 
 
 def _recording_nanny(ends: dict[str, tuple[int, bool]]) -> Any:

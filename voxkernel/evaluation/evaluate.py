@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -14,9 +14,11 @@ from voxkernel._extras import check_installed
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
-from voxkernel.evaluation.inputs import BadInput, Item, content_hash, count_suffixes, find_items, labelled, read_labels
+from voxkernel.evaluation.inputs import BadInput, Item, count_suffixes, find_items, labelled, read_labels
 from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
+from voxkernel.evaluation.resume import COLUMNS as RESUMED
+from voxkernel.evaluation.resume import count_rows, resumed
 from voxkernel.evaluation.run_lock import locked_run
 from voxkernel.evaluation.settings import PROFILE_TOLERANCES, EvaluateSettings, settings_hash, versions_text
 from voxkernel.evaluation.store import RunStore
@@ -167,26 +169,23 @@ def run_evaluation(
         if is_locked:
             run_table.remove_unfinished(run_path)
         store = RunStore(run)
-        fresh, reused = _divided(items, _known(store.compact()), settings)
-        n_failed = sum(rows[0]["status"] == "failed" for rows in reused.values())
-        store.add_rows(_relabelled(items, reused))
+        with closing(store.compact(RESUMED)) as index:
+            before = resumed(items, index, settings)
+            store.replace(index, before.places, before.labels)
         run_table.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
-        counts = _Counts(len(items), len(reused), n_failed, progress, store)
+        counts = _Counts(len(items), before.n_reused, before.n_failed, progress, store)
         counts.show()
-        if fresh:
-            parts = in_parts(fresh, settings)
-            counts.total += len(parts) - len(fresh)
+        if before.fresh:
+            parts = in_parts(before.fresh, settings)
+            counts.total += len(parts) - len(before.fresh)
             _compute(parts, settings, analysis, store, counts)
-        table = store.compact()
-        counts.show()
-        if settings.csv:
-            run_table.write_csv(store.fs, store.path, table)
-    names = {item.name for item in items}
-    n_rows = sum(file in names for file in table.column("file").to_pylist())
-    n_failed = counts.n_failed
-    return EvaluationResult(
-        run, n_rows, len(items) - n_failed, n_failed, len(reused), tuple(unmatched), left_out
-    )  # fmt: skip
+        with closing(store.compact()) as index:
+            counts.show()
+            if settings.csv:
+                run_table.write_csv(store.fs, store.path, index.parts())
+            n_rows = count_rows(items, index)
+    n_failed, n_reused = counts.n_failed, before.n_reused
+    return EvaluationResult(run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out)
 
 
 class _Counts:
@@ -217,7 +216,7 @@ def _compute(
 ) -> None:
     """Run the cluster; whatever stops this, rows that came in are written."""
     try:
-        with connected(settings, len(items)) as cluster:
+        with connected(settings, len(items), for_analysis=analysis is analyse) as cluster:
             dispatcher = Dispatcher(cluster, items, settings, analysis)
             try:
                 for outcome in dispatcher.outcomes():
@@ -234,53 +233,6 @@ def _compute(
         store.flush()
 
 
-def _known(table: Any) -> dict[str, list[dict[str, Any]]]:
-    """Give the rows of every file of an earlier run."""
-    known: dict[str, list[dict[str, Any]]] = {}
-    for row in table.to_pylist():
-        known.setdefault(row["file"], []).append(row)
-    return known
-
-
-def _divided(
-    items: Sequence[Item], known: Mapping[str, list[dict[str, Any]]], settings: EvaluateSettings
-) -> tuple[list[Item], dict[str, list[dict[str, Any]]]]:
-    """Divide meshes into those to compute and those whose rows are there: same content, same settings."""
-    wanted = settings_hash(settings)
-    candidates: list[Item] = []
-    for item in items:
-        first = known.get(item.name, [{}])[0]
-        if first.get("settings_hash") != wanted or (first["status"] == "failed" and settings.retry_failed):
-            continue
-        if first["n_objects"] is not None and len(known[item.name]) != first["n_objects"]:
-            continue  # a label image of which parts are missing
-        if not item.view or first["view"] or not _may_view(first):
-            candidates.append(item)
-    with ThreadPoolExecutor(8) as readers:  # reads files; SHA-256 does not hold the interpreter
-        hashes = list(readers.map(content_hash, candidates))
-    reused = {
-        item.name: known[item.name]
-        for item, found in zip(candidates, hashes, strict=True)
-        if found == known[item.name][0]["content_hash"]
-    }
-    return [item for item in items if item.name not in reused], reused
-
-
-def _may_view(row: Mapping[str, Any]) -> bool:
-    """Whether a row can have a view at all: failed ones, cells and objects have none."""
-    return row["status"] == "ok" and row["cell"] is None and row["object"] is None
-
-
-def _relabelled(items: Sequence[Item], reused: Mapping[str, list[dict[str, Any]]]) -> list[Mapping[str, Any]]:
-    """Give the rows whose label has changed, with the new one."""
-    return [
-        {**row, "label": item.label}
-        for item in items
-        for row in reused.get(item.name, [])
-        if row["label"] != item.label
-    ]
-
-
 def _described(
     settings: EvaluateSettings, paths: Sequence[Any], n_meshes: int, left_out: Sequence[tuple[str, int]]
 ) -> dict[str, Any]:
@@ -292,6 +244,7 @@ def _described(
         "views": settings.views,
         "timeout": settings.timeout,
         "memory_limit": settings.memory_limit,
+        "threads": settings.threads,
         "workers": settings.workers,
         "paths": [os.fspath(p).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace") for p in paths],
         "n_meshes": n_meshes,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 import posixpath
+import stat
 from collections import Counter
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +18,7 @@ from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.labels import is_label_file
-from voxkernel.run_table import defused, is_local, open_run
+from voxkernel.run_table import defused, extra_of, is_local, open_run
 
 __all__ = [
     "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled",
@@ -26,7 +27,9 @@ __all__ = [
 
 _SURFACES = tuple(".ply .off .obj .stl .gltf .glb .wrl .3ds .3mf .ctm .dae .fbx .tri .vmi .vtp .x3d .x3dv".split())
 _SOLIDS = (".hedra", ".mesh", ".vtu")
+_KNOWN = frozenset(_SURFACES + _SOLIDS)
 _MAGIC = "*?["
+_READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe is not waited for
 
 
 class BadInput(ValueError):
@@ -118,7 +121,7 @@ def find_items(
         others = {name for name in others if not is_label_file(name)}
     if left_out is not None:
         left_out |= {_printable(name) for name in others} - found.keys()
-    return [Item(name, url) for name, url in sorted(found.items())]
+    return [Item(name, name if name == url else url) for name, url in sorted(found.items())]
 
 
 def count_suffixes(names: Iterable[str], *, run: str) -> tuple[tuple[str, int], ...]:
@@ -135,12 +138,12 @@ def _place(name: str) -> str:
     return os.path.realpath(local) if _is_local(local) else name
 
 
-def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
+def _expanded(path: str, left_out: set[str]) -> Iterable[tuple[str, str]]:
     """Give the name of each mesh a path leads to, and where it is."""
     if _is_local(path):
         names, others = _divided(_local(path))
-        left_out |= {str(Path(n)) for n in others}
-        return [(str(Path(n)) if n else n, n) for n in names]  # "./x" and "x" are one row
+        left_out |= {_tidy(n) for n in others}
+        return ((_tidy(n), n) for n in names)  # "./x" and "x" are one row
     fs, inner = _opened(path)
     if path.startswith("file://"):
         names, others = _divided(_local(inner))
@@ -159,8 +162,17 @@ def _expanded(path: str, left_out: set[str]) -> list[tuple[str, str]]:
 
 def _divided(files: Iterable[tuple[str, bool]]) -> tuple[list[str], list[str]]:
     """Divide files into those to take and the others."""
-    listed = list(files)
-    return [name for name, taken in listed if taken], [name for name, taken in listed if not taken]
+    divided: tuple[list[str], list[str]] = [], []
+    for name, taken in files:
+        divided[not taken].append(name)
+    return divided
+
+
+def _tidy(path: str) -> str:
+    """Write a path as `pathlib` does, which takes its time: most are that already."""
+    if os.sep != "/" or not path or path[0] == "." or path[-1] == "/" or "//" in path or "/." in path:
+        return str(Path(path)) if path else path
+    return path
 
 
 def _opened(url: str) -> tuple[Any, str]:
@@ -169,48 +181,56 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         return fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as error:
-        raise BadInput(f"'{url}' cannot be opened: {error}") from error
+        raise BadInput(f"'{url}' cannot be opened: {error}{extra_of(url)}") from error
 
 
-def _local(path: str) -> list[tuple[str, bool]]:
+def _local(path: str) -> Iterable[tuple[str, bool]]:
     """Expand a path of this machine, relative or absolute as it was given, to files and whether to take them."""
     import glob
 
     if any(c in path for c in _MAGIC) and not os.path.exists(path):
         found = sorted(glob.glob(path, recursive=True))
-        return [file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))])]
+        return (file for m in found for file in (_below(m) if os.path.isdir(m) else [(m, _known(m))]))
     return _below(path)
 
 
-def _below(path: str, above: tuple[str, ...] = ()) -> list[tuple[str, bool]]:
+def _below(path: str, above: tuple[str, ...] = ()) -> Iterator[tuple[str, bool]]:
     """A file as it is; a folder of cells as one; another folder as the files in it, and which of them to take.
 
     A link to a folder it is in leads nowhere new. A folder that cannot be listed stays: its row says why.
     """
     if not os.path.isdir(path) or is_label_file(path):
-        return [(path, True)]
+        yield path, True
+        return
     place = os.path.realpath(path)
     if place in above:
-        return []
+        return
     try:
-        if _is_cells(path):
-            return [(path, True)]
-        entries = sorted(os.scandir(path), key=lambda e: e.name)
+        entries = None if _is_cells(path) else sorted(os.scandir(path), key=lambda e: e.name)
     except OSError:
-        return [(path, True)]
-    files: list[tuple[str, bool]] = []
+        entries = None
+    if entries is None:
+        yield path, True
+        return
     for entry in entries:
         if entry.name.startswith("."):
             continue
-        if os.path.isdir(entry.path) and not is_label_file(entry.name):
-            files += _below(entry.path, (*above, place))
+        if _is_folder(entry) and not is_label_file(entry.name):
+            yield from _below(entry.path, (*above, place))
         else:
-            files.append((entry.path, _known(entry.name)))
-    return files
+            yield entry.path, _known(entry.name)
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    """Links are followed; one that leads in a circle is none."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
 
 
 def _known(name: str) -> bool:
-    return posixpath.splitext(name)[1].lower() in _SURFACES + _SOLIDS
+    return posixpath.splitext(name)[1].lower() in _KNOWN
 
 
 def _is_cells(folder: str) -> bool:
@@ -227,8 +247,8 @@ def _is_cells(folder: str) -> bool:
 
 def _printable(name: str) -> str:
     """Name of a file in the table: slashes, and bytes that are no UTF-8 as escapes."""
-    name = name.replace(os.sep, "/")
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    name = name if os.sep == "/" else name.replace(os.sep, "/")
+    return name if name.isascii() else name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _is_local(url: str) -> bool:
@@ -255,6 +275,8 @@ def with_data(item: Item) -> Item:
 
 def content_hash(item: Item) -> str:
     """Name the content of a mesh: SHA-256 of its bytes, of a folder of its names and files; "" if unreadable."""
+    if item.data is None and (data := _small_file(item.url)) is not None:
+        return hashlib.sha256(data).hexdigest()
     digest = hashlib.sha256()
     try:
         if item.data is None and is_label_file(item.url) and _is_local(item.url):
@@ -268,6 +290,22 @@ def content_hash(item: Item) -> str:
     except Exception:  # any file system may fail in its own way; the mesh's own reader says how
         return ""
     return digest.hexdigest()
+
+
+def _small_file(path: str) -> bytes | None:
+    """Read a regular file of this machine at once; None for anything else, and for what is better read in pieces."""
+    if not _known(path) or "://" in path:
+        return None
+    with suppress(OSError):
+        file = os.open(path, _READING)
+        try:
+            about = os.fstat(file)
+            if stat.S_ISREG(about.st_mode) and about.st_size <= 1 << 24:
+                data = os.read(file, about.st_size)
+                return data if len(data) == about.st_size else None
+        finally:
+            os.close(file)
+    return None
 
 
 def _hash_tree(path: Path, digest: Any) -> None:
@@ -307,6 +345,8 @@ def local_copy(item: Item, folder: str | None = None) -> Generator[tuple[str, st
 
 def labelled(items: Sequence[Item], labels: Labels | None, views: int | Any) -> tuple[list[Item], list[str]]:
     """Give items their labels and views; also the entries of the label table that no file matched."""
+    if labels is None and views == 0:
+        return list(items), []
     made: list[Item] = []
     used: set[str] = set()
     for k, item in enumerate(items):

@@ -28,8 +28,9 @@ def label_rows(
     ids = objects.label if part is None else objects.label[part[0] : part[1]]
     read = perf_counter()
     stars = label_stars(
-        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat, ids=ids.tolist(), objects=objects
-    )
+        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat, ids=ids.tolist(),
+        objects=objects, threads=settings.threads,
+    )  # fmt: skip
     done = perf_counter()
     rows = [_row(stars, i, len(objects)) for i in range(len(stars))]
     for row in rows:

@@ -58,9 +58,10 @@ class EvaluateSettings:
     timeout : float, optional
         Seconds a mesh may take before its worker is killed; None waits for ever.
     memory_limit : int or str, optional
-        Memory of one worker, bytes or such as "4GB"; by default its share of 90 % of the machine's.
+        Memory of one worker, bytes or such as "4GB"; by default its share of 90 % of the machine's. A surface that
+        needs more fails, and its row says so in a line.
     workers : int, optional
-        Processes of the local cluster; one per core by default.
+        Processes of the local cluster; by default as many as give each core a thread.
     scheduler : str, optional
         Address of a Dask scheduler to use instead, such as "tcp://10.0.0.1:8786".
     retry_failed : bool
@@ -69,6 +70,8 @@ class EvaluateSettings:
         Write `rows.csv` as well.
     guards : float, optional
         Share of the area that guards shall see, in (0, 1]; None leaves them out.
+    threads : int
+        Threads of one worker, 1 to 256: for few and large surfaces. Rows are the same with any number.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class EvaluateSettings:
     retry_failed: bool = False
     csv: bool = False
     guards: float | None = None
+    threads: int = 1
 
     def __post_init__(self) -> None:
         """Check every value before anything is computed."""
@@ -121,6 +125,7 @@ class EvaluateSettings:
             as_positive("timeout", self.timeout)
         if self.workers is not None:
             as_depth("workers", self.workers, 1, 4096)
+        as_depth("threads", self.threads, 1, 256)
         self.memory_bytes()
 
     def memory_bytes(self) -> int | None:

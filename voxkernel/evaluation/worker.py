@@ -100,7 +100,8 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
             done = analysis(path, settings, name=picture, view=item.view, **options)
     except Exception as error:  # whatever a reader or a bug throws is this mesh's reason
         seconds = perf_counter() - begin
-        reason = _reason(error).replace(path, item.name) if path else _reason(error)
+        reason = _reason(error, settings)
+        reason = reason.replace(path, item.name) if path else reason
         known_hash = known_hash or content_hash(item)
         return failed_outcome(item, settings, reason, known_hash=known_hash, seconds=seconds)
     seconds = perf_counter() - begin
@@ -111,9 +112,11 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     return Outcome(item.name, rows, done.files, seconds)
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: Exception, settings: EvaluateSettings) -> str:
     if isinstance(error, MemoryError):
-        return f"out of memory: {error}" if str(error) else "out of memory"
+        limit = settings.memory_limit
+        within = "" if limit is None else f", within the {limit} that a worker may use"
+        return f"out of memory{': ' if str(error) else ''}{error}{within}"
     text = " ".join(str(error).split())[:500]
     return text if isinstance(error, VoxKernelError) and text else f"{type(error).__name__}: {text}".removesuffix(": ")
 

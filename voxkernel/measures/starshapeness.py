@@ -208,9 +208,16 @@ def starshapeness(
             raise ValueError(f"`detail` must be False for a streamed surface; got {detail!r}")
         return _of_stream(reader_of(surface, facets), domain, share)
     mesh = as_mesh(surface, facets=facets)
-    argument = surface_argument(mesh)
+    return score_of_planes(mesh, surface_argument(mesh), domain, share, detail=detail)
+
+
+def score_of_planes(
+    mesh: TriangleMesh, argument: SurfaceArgument, domain: Any, share: float, *,
+    detail: bool | Literal["guards"] = False, threads: int = 1,
+) -> Starshapeness:  # fmt: skip
+    """Score a mesh whose half-spaces are there already."""
     halfspaces, region = argument.halfspaces, argument.domain(domain, EXACT)
-    kernel = kernel_of_halfspaces(halfspaces, region)
+    kernel = kernel_of_halfspaces(halfspaces, region, threads=threads)
     known = _Known(
         len(halfspaces), halfspaces.n_degenerate, halfspaces.bounds_volume,
         fsum(_thirds(halfspaces)) * halfspaces.scale / 3.0,

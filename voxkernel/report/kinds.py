@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ def kind_summary(rows: ReportRows) -> dict[str, Any]:
     for kind in KINDS:
         own = rows.only(kind)
         if own.n:
-            counts = Counter(own.outcome)
+            counts = own.outcome.counts()
             found[kind] = {"n": own.n, "counts": {name: counts.get(name, 0) for name in OUTCOMES}}
     return found
 
@@ -27,11 +26,11 @@ def volume_meshes(rows: ReportRows) -> list[dict[str, Any]]:
     """Sum up the cells of each volume mesh in one row, the one with the most cells without a kernel first."""
     own = rows.only("cell")
     places: dict[str, list[int]] = {}
-    for i in range(own.n):
-        places.setdefault(own.texts["file"][i], []).append(i)
+    for i, file in enumerate(own.texts["file"]):
+        places.setdefault(file, []).append(i)
     found: list[dict[str, Any]] = []
     for file, ids in places.items():
-        counts = Counter(own.outcome[i] for i in ids)
+        counts = own.outcome.taken(np.array(ids)).counts()
         share = own.numbers["volume_share"][ids]
         share = share[np.isfinite(share)]
         found.append({

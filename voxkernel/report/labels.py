@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,7 +22,8 @@ _NOT = {"not", "not star-shaped", "not star", "not star shaped", "non-star", "no
 
 def labels_of(rows: ReportRows) -> list[str]:
     """List the labels in use, the most frequent first when there are too many, else by name."""
-    counts = Counter(label for label in rows.texts["label"] if label)
+    counts = rows.texts["label"].counts()
+    counts.pop("", None)
     if len(counts) <= MAX_LABELS:
         return sorted(counts)
     return [label for label, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:MAX_LABELS]]
@@ -34,7 +34,7 @@ def star_truth(rows: ReportRows, star_labels: Sequence[str] | None) -> tuple[lis
 
     Without `star_labels`, labels such as "star" and "not star-shaped" are understood if there are no others.
     """
-    used = sorted({label for label in rows.texts["label"] if label})
+    used = sorted(label for label in rows.texts["label"].used() if label)
     if star_labels is not None:
         missing = sorted(set(star_labels) - set(used))
         if missing:
@@ -53,8 +53,8 @@ def label_summary(rows: ReportRows, star_labels: Sequence[str] | None) -> dict[s
         return None
     truth = star_truth(rows, star_labels)
     return {
-        "n_labels": len({label for label in rows.texts["label"] if label}),
-        "n_unlabelled": sum(not label for label in rows.texts["label"]),
+        "n_labels": sum(bool(label) for label in rows.texts["label"].used()),
+        "n_unlabelled": rows.texts["label"].counts()[""],
         "names": labels,
         "outcomes": list(OUTCOMES),
         "counts": confusion_counts(rows.texts["label"], rows.outcome, labels, OUTCOMES).tolist(),
@@ -68,13 +68,10 @@ def wrong_ids(rows: ReportRows, truth: tuple[list[str], list[str]] | None) -> li
     """Give the rows whose verdict is not what their label says; failed rows are not among them."""
     if truth is None:
         return []
-    star, other = set(truth[0]), set(truth[1])
-    return [
-        i
-        for i, (label, outcome) in enumerate(zip(rows.texts["label"], rows.outcome, strict=True))
-        if (label in star and outcome == "not star-shaped")
-        or (label in other and outcome in ("star-shaped", "degenerate"))
-    ]
+    labels, outcomes = np.array(rows.texts["label"], dtype=object), np.array(rows.outcome, dtype=object)
+    missed = np.isin(labels, truth[0]) & (outcomes == "not star-shaped")
+    false = np.isin(labels, truth[1]) & np.isin(outcomes, ("star-shaped", "degenerate"))
+    return np.flatnonzero(missed | false).tolist()
 
 
 def _binary(rows: ReportRows, star: list[str], other: list[str]) -> dict[str, Any]:

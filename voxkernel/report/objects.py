@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,7 +25,7 @@ def object_summary(rows: ReportRows) -> dict[str, Any] | None:
     if not ids:
         return None
     seen, upper = rows.numbers["voxels_seen"][ids], rows.numbers["voxels_seen_upper"][ids]
-    reasons = Counter(rows.texts["shortfall"][i] for i in ids)
+    reasons = rows.texts["shortfall"].taken(np.array(ids)).counts()
     reasons.pop("", None)
     rays, exact, stepped = _overlaps(rows, ids)
     enough = [n for n, column in zip(rays, exact.T, strict=True) if (column >= _ENOUGH).mean() >= _SHARE]
@@ -85,14 +84,16 @@ def object_charts(summary: dict[str, Any] | None) -> list[Chart]:
 
 def worst_objects(rows: ReportRows, n: int) -> list[int]:
     """Objects with a picture: those least seen first, then those that most rays describe worst."""
-    ids = [i for i in _objects(rows) if rows.texts["thumbnail"][i]]
+    objects = np.array(_objects(rows), np.int64)
+    ids = [i for i, name in zip(objects.tolist(), rows.texts["thumbnail"].taken(objects), strict=True) if name]
     last = {i: (rows.lists["iou"][i] or [1.0])[-1] for i in ids}
     return sorted(ids, key=lambda i: (rows.numbers["voxels_seen"][i], last[i], i))[:n]
 
 
 def _objects(rows: ReportRows) -> list[int]:
     known = np.isfinite(rows.numbers["object"]) & np.isfinite(rows.numbers["voxels_seen"])
-    return [i for i in np.flatnonzero(known).tolist() if rows.outcome[i] != "failed"]
+    known[rows.ids("failed")] = False
+    return np.flatnonzero(known).tolist()
 
 
 def _overlaps(
@@ -100,8 +101,9 @@ def _overlaps(
 ) -> tuple[tuple[int, ...], NDArray[np.float64], NDArray[np.float64]]:
     """Overlaps of the objects that were made with the most frequent numbers of rays."""
     found: dict[tuple[int, ...], list[tuple[list[float], list[float]]]] = {}
-    for i in ids:
-        rays, exact, stepped = (rows.lists[name][i] or [] for name in ("n_rays", "iou", "iou_stepped"))
+    own = (rows.lists[name].taken(np.array(ids)) for name in ("n_rays", "iou", "iou_stepped"))
+    for lists in zip(*own, strict=True):
+        rays, exact, stepped = (values or [] for values in lists)
         if rays and len(rays) == len(exact) == len(stepped) and None not in (*rays, *exact, *stepped):
             found.setdefault(tuple(rays), []).append((exact, stepped))
     if not found:

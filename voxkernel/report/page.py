@@ -107,12 +107,15 @@ _WORST = 24  # pictures of objects
 
 
 def render_page(
-    rows: ReportRows, summary: dict[str, Any], pictures: Pictures, *, title: str, chosen: Sequence[int]
-) -> str:
+    rows: ReportRows, summary: dict[str, Any], pictures: Pictures, *, title: str, chosen: Sequence[int],
+    shown: ReportRows | None = None, beside: str = "",
+) -> str:  # fmt: skip
     """Write the page.
 
-    `title` is any text; `chosen` are the rows of the gallery, those with a view.
+    `title` is any text; `shown` are the rows of its table, all by default, to which `pictures` and `chosen`, those of
+    the gallery, belong; `beside` is the file with all of them, where the page shows a part.
     """
+    shown = rows if shown is None else shown
     from importlib.resources import files
 
     jinja2 = optional("jinja2")
@@ -142,12 +145,12 @@ def render_page(
         profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
         boxes=charts.boxes(summary["labels"]),
         object_charts=[*object_charts(summary["objects"]), *charts.score_charts(rows.only("object"), LABEL_SCORES)],
-        worst=[_card(rows, pictures, i, shared) for i in worst_objects(rows, _WORST) if i in pictures.thumbnails],
-        gallery=[_card(rows, pictures, i, shared) for i in chosen],
+        worst=[_card(shown, pictures, i, shared) for i in worst_objects(shown, _WORST) if i in pictures.thumbnails],
+        gallery=[_card(shown, pictures, i, shared) for i in chosen], n_shown=shown.n, beside=readable(beside),
         folder=shared, left_out=left_out_text([(group["suffix"], group["n"]) for group in summary["left_out"] or ()]),
         views_left_out=pictures.views_left_out, pictures_note=_pictures_note(pictures), css=read("report.css"),
         scripts=scripts, script_hashes=" ".join(_hash(script) for script in scripts),
-        rows_json=json_block(table_data(rows, pictures)), pictures_json=json_block(pictures.thumbnails),
+        rows_json=json_block(table_data(shown, pictures)), pictures_json=json_block(pictures.thumbnails),
         views_json=[(i, json_block(view)) for i, view in pictures.views.items()],
     )  # fmt: skip
 
@@ -180,11 +183,12 @@ def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
 
 def common_folder(rows: ReportRows) -> str:
     """Give the folder all files are in, with its slash, which the page need not repeat; "" when there is none."""
-    folders = [readable(name).split("/")[:-1] for name in set(rows.texts["file"])]
-    shared = 0
-    while folders and all(len(f) > shared and f[shared] == folders[0][shared] for f in folders):
-        shared += 1
-    return "".join(f"{part}/" for part in folders[0][:shared]) if folders else ""
+    ends = rows.texts["file"].extent()
+    if ends is None:
+        return ""
+    first, last = ends  # in order: what these share is what all share
+    n = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return readable(first[: first.rfind("/", 0, n) + 1])
 
 
 def shape_name(entry: dict[str, Any]) -> str:

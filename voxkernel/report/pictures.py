@@ -71,8 +71,8 @@ def collect(run: str, rows: ReportRows, *, n_views: int, max_bytes: int, first: 
 def spread_order(rows: ReportRows) -> list[int]:
     """Order rows so that every beginning shows all labels and outcomes, and from worst to best within each."""
     groups: dict[tuple[str, str], list[int]] = {}
-    for i in range(rows.n):
-        groups.setdefault((rows.texts["label"][i], rows.outcome[i]), []).append(i)
+    for i, key in enumerate(zip(rows.texts["label"], rows.outcome, strict=True)):
+        groups.setdefault(key, []).append(i)
     queues = [_ends_first(worst_first(rows, groups[key])) for key in sorted(groups)]
     longest = max((len(queue) for queue in queues), default=0)
     return [queue[k] for k in range(longest) for queue in queues if k < len(queue)]

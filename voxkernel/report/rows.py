@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,9 +11,21 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
+from voxkernel.report.columns import Columns, Lists, Texts, numbers_of
+from voxkernel.run_index import RunIndex, open_index
 
 __all__ = [
-    "ALL_SCORES", "CELL_SCORES", "KINDS", "LABEL_SCORES", "OUTCOMES", "SCORES", "ReportRows", "Score", "load_rows",
+    "ALL_SCORES",
+    "CELL_SCORES",
+    "KINDS",
+    "LABEL_SCORES",
+    "OUTCOMES",
+    "SCORES",
+    "ReportRows",
+    "Score",
+    "from_index",
+    "load_rows",
+    "open_run_index",
     "worst_first",
 ]  # fmt: skip
 
@@ -60,21 +72,21 @@ class ReportRows(Frozen):
     ----------
     n : int
         Rows.
-    texts : dict of str to list of str
+    texts : Columns of Texts
         Text columns; "" where the table has null.
-    numbers : dict of str to (n,) float64
+    numbers : Columns of (n,) float64
         Number and truth columns; NaN where the table has null.
-    lists : dict of str to list
+    lists : Columns of Lists
         List columns; None where the table has null.
-    outcome : list of str
+    outcome : Texts
         One of `OUTCOMES` for each row.
     """
 
     n: int
-    texts: dict[str, list[str]]
-    numbers: dict[str, NDArray[np.float64]]
-    lists: dict[str, list[list[Any] | None]]
-    outcome: list[str]
+    texts: Columns[Texts]
+    numbers: Columns[NDArray[np.float64]]
+    lists: Columns[Lists]
+    outcome: Texts
 
     def __repr__(self) -> str:
         """Name the number of rows."""
@@ -92,15 +104,18 @@ class ReportRows(Frozen):
 
     def only(self, *kinds: str) -> ReportRows:
         """Give the rows of these kinds, in their order; a file that failed counts as a surface."""
-        ids = [i for i in range(self.n) if self.kind(i) in kinds]
-        if len(ids) == self.n:
-            return self
+        is_object, is_cell = (np.isfinite(self.numbers[name]) for name in ("object", "cell"))
+        own = np.where(is_object, "object" in kinds, np.where(is_cell, "cell" in kinds, "surface" in kinds))
+        return self if own.all() else self.taken(np.flatnonzero(own))
+
+    def taken(self, ids: NDArray[np.int64]) -> ReportRows:
+        """Give some rows; what is read of them is read of all."""
         return ReportRows(
             len(ids),
-            {name: [column[i] for i in ids] for name, column in self.texts.items()},
-            {name: column[ids] for name, column in self.numbers.items()},
-            {name: [column[i] for i in ids] for name, column in self.lists.items()},
-            [self.outcome[i] for i in ids],
+            Columns(list(self.texts), lambda name: self.texts[name].taken(ids)),
+            Columns(list(self.numbers), lambda name: self.numbers[name][ids]),
+            Columns(list(self.lists), lambda name: self.lists[name].taken(ids)),
+            self.outcome.taken(ids),
         )
 
     def name(self, i: int) -> str:
@@ -121,55 +136,77 @@ class ReportRows(Frozen):
 
     def ids(self, outcome: str) -> list[int]:
         """Give the rows with an outcome."""
-        return [i for i, name in enumerate(self.outcome) if name == outcome]
+        codes = [k for k, word in enumerate(self.outcome.words.to_pylist()) if word == outcome]
+        return np.flatnonzero(np.isin(self.outcome.codes, codes)).tolist()
 
 
 def load_rows(run: str) -> ReportRows:
-    """Read the table of a run.
+    """Open the table of a run: of its rows only keys and hashes are read, and later the columns that are asked for.
 
     Raises
     ------
     FileNotFoundError
         If there is no run at `run`.
     """
-    from voxkernel.run_table import open_run, read_rows
+    return from_index(open_run_index(run))
+
+
+def open_run_index(run: str) -> RunIndex:
+    """Index the rows of a run that count."""
+    from voxkernel.run_table import open_run
 
     fs, path = open_run(run)
     if not fs.exists(path):
         raise FileNotFoundError(f"`run` must be the output of an evaluation; got '{run}', which does not exist")
     if not fs.exists(f"{path}/rows") and not fs.exists(f"{path}/settings.json"):
         raise FileNotFoundError(f"`run` must be the output of an evaluation; got '{run}', which has no rows")
-    return from_table(read_rows(run))
+    return open_index(fs, path)
+
+
+def from_index(index: RunIndex) -> ReportRows:
+    """Take columns out of a run when they are needed."""
+    from voxkernel.run_table import schema
+
+    return _rows(schema(), len(index), lambda names: index.table(names))
 
 
 def from_table(table: Any) -> ReportRows:
     """Take the columns out of an Arrow table."""
-    pa = optional("pyarrow")
-    texts: dict[str, list[str]] = {}
-    numbers: dict[str, NDArray[np.float64]] = {}
-    lists: dict[str, list[list[Any] | None]] = {}
-    for field in table.schema:
-        column = table.column(field.name)
-        if pa.types.is_string(field.type):
-            texts[field.name] = ["" if value is None else value for value in column.to_pylist()]
-        elif pa.types.is_list(field.type):
-            lists[field.name] = column.to_pylist()
-        else:
-            numbers[field.name] = np.array(
-                [np.nan if value is None else float(value) for value in column.to_pylist()], dtype=np.float64
-            )
-    outcome = [_outcome(s, v) for s, v in zip(texts["status"], texts["verdict"], strict=True)]
-    return ReportRows(len(outcome), texts, numbers, lists, outcome)
+    return _rows(table.schema, table.num_rows, table.select)
+
+
+def _rows(schema: Any, n: int, read: Callable[[list[str]], Any]) -> ReportRows:
+    types = optional("pyarrow").types
+    texts = [field.name for field in schema if types.is_string(field.type)]
+    lists = [field.name for field in schema if types.is_list(field.type)]
+    numbers = [field.name for field in schema if field.name not in {*texts, *lists}]
+
+    def column(name: str) -> Any:
+        return read([name]).column(0)
+
+    return ReportRows(
+        n,
+        Columns(texts, lambda name: Texts.of_column(column(name))),
+        Columns(numbers, lambda name: numbers_of(column(name))),
+        Columns(lists, lambda name: Lists(column(name))),
+        _outcomes(column("status"), column("verdict")),
+    )
 
 
 def worst_first(rows: ReportRows, ids: Sequence[int]) -> list[int]:
     """Sort rows from the least star-shaped: larger defect or hidden share first, then smaller ratio, then the order."""
-    defect = np.nan_to_num(rows.numbers["violation_upper"], nan=0.0)
-    ratio = np.nan_to_num(rows.numbers["ratio"], nan=0.0)
-    hidden = 1.0 - np.nan_to_num(rows.numbers["voxels_seen"], nan=1.0)
-    return sorted(ids, key=lambda i: (-max(defect[i], hidden[i]), ratio[i], i))
+    own = np.asarray(ids, np.int64)
+    defect = np.nan_to_num(rows.numbers["violation_upper"][own], nan=0.0)
+    ratio = np.nan_to_num(rows.numbers["ratio"][own], nan=0.0)
+    hidden = 1.0 - np.nan_to_num(rows.numbers["voxels_seen"][own], nan=1.0)
+    return own[np.lexsort((own, ratio, -np.maximum(defect, hidden)))].tolist()
 
 
-def _outcome(status: str, verdict: str) -> str:
+def _outcomes(status: Any, verdict: Any) -> Texts:
     """A row that is not ok, or has no known verdict, counts as failed: nothing is lost from the counts."""
-    return verdict if status == "ok" and verdict in OUTCOMES else "failed"
+    pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+    words = pa.array(OUTCOMES, pa.large_string())
+    found = compute.index_in(verdict.cast(pa.large_string()), value_set=words)
+    codes = found.fill_null(OUTCOMES.index("failed")).to_numpy()
+    is_ok = compute.equal(status, "ok").fill_null(False).to_numpy()
+    return Texts(np.where(is_ok, codes, OUTCOMES.index("failed")).astype(np.int32), words)

@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxkernel._npz import is_shallow, read_json
 from voxkernel.report.kinds import kind_summary, volume_meshes
@@ -52,7 +53,7 @@ def summarize(
     """Say everything about a run that does not need its pictures."""
     from voxkernel._version import __version__
 
-    counts = Counter(rows.outcome)
+    counts = rows.outcome.counts()
     by_kind = {"surface": SCORES, "cell": CELL_SCORES, "object": LABEL_SCORES}
     own = {kind: rows.only(kind) for kind in by_kind}
     no_cells = rows.only("surface", "object")
@@ -61,7 +62,7 @@ def summarize(
         "run": run,
         "version": __version__,
         "n_rows": rows.n,
-        "n_files": len(set(rows.texts["file"])),
+        "n_files": len(rows.texts["file"].used()),
         "n_cells": int(cells.sum()),
         "n_objects": int(np.isfinite(rows.numbers["object"]).sum()),
         "kinds": kind_summary(rows),
@@ -101,12 +102,13 @@ def _failures(rows: ReportRows) -> dict[str, Any]:
 def _certificates(rows: ReportRows) -> dict[str, Any]:
     """An answer without a checked proof is no reason to fail, but a reader must know."""
     checked = rows.numbers["certificate_verified"]
-    done = [i for i in range(rows.n) if rows.outcome[i] != "failed"]
+    done = np.ones(rows.n, bool)
+    done[rows.ids("failed")] = False
     return {
-        "n_verified": sum(checked[i] == 1.0 for i in done),
-        "n_not_verified": sum(checked[i] == 0.0 for i in done),
-        "n_unknown": sum(bool(np.isnan(checked[i])) for i in done),
-        "not_verified": [_name(rows, i) for i in done if checked[i] == 0.0],
+        "n_verified": int((done & (checked == 1.0)).sum()),
+        "n_not_verified": int((done & (checked == 0.0)).sum()),
+        "n_unknown": int((done & np.isnan(checked)).sum()),
+        "not_verified": [_name(rows, i) for i in np.flatnonzero(done & (checked == 0.0)).tolist()],
     }
 
 
@@ -132,34 +134,52 @@ def _agreement(rows: ReportRows, scores: Sequence[Score]) -> list[dict[str, Any]
 
 def _profile(rows: ReportRows) -> dict[str, Any] | None:
     """Median and spread of the defect profiles, over rows with the most frequent tolerances."""
-    pairs = zip(rows.lists["profile_tolerances"], rows.lists["profile_shares"], strict=True)
-    known: dict[int, tuple[tuple[float, ...], list[float]]] = {}
-    for i, (tolerances, shares) in enumerate(pairs):
-        if tolerances and shares and len(tolerances) == len(shares) and _are_finite((*tolerances, *shares)):
-            known[i] = (tuple(float(t) for t in tolerances), shares)
-    if not known:
+    known = _usual_profiles(rows)
+    if known is None:
         return None
-    usual, n = Counter(t for t, _ in known.values()).most_common(1)[0]
-    groups: list[dict[str, Any]] = []
+    ids, tolerances, shares, n_known = known
     # A run with labels may have none where there is a profile: those rows are one group then.
-    named = {i: rows.texts["label"][i] for i, (t, _) in known.items() if t == usual}
-    labels = [label for label in labels_of(rows) if label in named.values()]
+    named = np.array(rows.texts["label"].taken(ids), dtype=object)
+    labels = [label for label in labels_of(rows) if (named == label).any()]
+    groups: list[dict[str, Any]] = []
     for label in labels or [""]:
-        own = [known[i][1] for i, name in named.items() if not labels or name == label]
-        if own:
-            bands = np.quantile(np.array(own, dtype=np.float64), list(_BAND), axis=0)
-            groups.append({
-                "label": label, "n": len(own), **dict(zip(("q10", "q25", "median", "q75", "q90"), bands, strict=True)),
-            })  # fmt: skip
-    return {"tolerances": list(usual), "n": n, "n_other_tolerances": len(known) - n, "groups": groups}
+        own = named == label if labels else np.ones(len(ids), bool)
+        bands = np.stack([np.quantile(column[own], list(_BAND)) for column in shares.T], axis=1)
+        groups.append({
+            "label": label, "n": int(own.sum()),
+            **dict(zip(("q10", "q25", "median", "q75", "q90"), bands, strict=True)),
+        })  # fmt: skip
+    return {"tolerances": tolerances, "n": len(ids), "n_other_tolerances": n_known - len(ids), "groups": groups}
 
 
-def _are_finite(values: Sequence[float | None]) -> bool:
-    return all(value is not None and np.isfinite(value) for value in values)
+def _usual_profiles(
+    rows: ReportRows,
+) -> tuple[NDArray[np.int64], list[float], NDArray[np.float64], int] | None:
+    """Rows with the most frequent tolerances, these, the shares at them, and how many rows have a profile at all."""
+    lengths, given = rows.lists["profile_tolerances"].arrays()
+    other_lengths, shares = rows.lists["profile_shares"].arrays()
+    starts, other_starts = np.cumsum(lengths) - lengths, np.cumsum(other_lengths) - other_lengths
+    found: Counter[tuple[float, ...]] = Counter()
+    members: dict[tuple[float, ...], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+    for n in np.unique(lengths[(lengths > 0) & (lengths == other_lengths)]).tolist():
+        ids = np.flatnonzero((lengths == n) & (other_lengths == n))
+        own, its = given[starts[ids][:, None] + np.arange(n)], shares[other_starts[ids][:, None] + np.arange(n)]
+        whole = np.isfinite(own).all(axis=1) & np.isfinite(its).all(axis=1)
+        ids, own, its = ids[whole], own[whole], its[whole]
+        distinct, group = np.unique(own, axis=0, return_inverse=True)
+        for k, tolerances in enumerate(map(tuple, distinct.tolist())):
+            in_group = group.reshape(-1) == k
+            found[tolerances] += int(in_group.sum())
+            members[tolerances] = ids[in_group], its[in_group]
+    if not found:
+        return None
+    first = {tolerances: int(members[tolerances][0][0]) for tolerances in found}
+    usual = min(found, key=lambda tolerances: (-found[tolerances], first[tolerances]))
+    return members[usual][0], list(usual), members[usual][1], sum(found.values())
 
 
 def _worst(rows: ReportRows) -> list[int]:
-    return worst_first(rows, [i for i in range(rows.n) if rows.outcome[i] != "failed"])
+    return worst_first(rows, np.setdiff1d(np.arange(rows.n), rows.ids("failed")).tolist())
 
 
 def _shape(rows: ReportRows, i: int) -> dict[str, Any]:
@@ -190,7 +210,8 @@ def _seconds(rows: ReportRows) -> dict[str, Any]:
 
 def _distinct(rows: ReportRows, column: str) -> list[dict[str, Any]]:
     """Settings or versions in use, with the number of rows made with each."""
-    groups = Counter(text for text in rows.texts[column] if text)
+    groups = rows.texts[column].counts()
+    groups.pop("", None)
     found: list[dict[str, Any]] = []
     for text, n in sorted(groups.items(), key=lambda item: (-item[1], item[0])):
         try:
@@ -204,5 +225,5 @@ def _distinct(rows: ReportRows, column: str) -> list[dict[str, Any]]:
 
 
 def _finished(rows: ReportRows) -> dict[str, str] | None:
-    times = sorted(text for text in rows.texts["finished"] if text)
-    return {"first": times[0], "last": times[-1]} if times else None
+    times = rows.texts["finished"].extent()
+    return {"first": times[0], "last": times[1]} if times else None

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from voxkernel._checks import as_path
 from voxkernel._output_file import whole_file
 from voxkernel._plain import json_text, plain
-from voxkernel.report.rows import ReportRows, load_rows
+from voxkernel.report.large_run import MOST_ROWS, rows_to_show, write_whole_table
+from voxkernel.report.rows import ReportRows, from_index, from_table, open_run_index
+from voxkernel.run_index import RunIndex
 
 __all__ = ["write_report"]
 
@@ -69,6 +72,10 @@ def write_report(
 
     Notes
     -----
+    The numbers of a page are those of all rows. Its table shows 20,000 at most, failed and worst ones first, then
+    others evenly; where a run has more, all are written beside the page, as ``report.rows.parquet`` for
+    ``report.html``. Rows are read a column or a part of the run at a time.
+
     The page needs no network: styles, scripts and pictures are in it, and its content security policy allows
     nothing else to load or run. File names, labels and reasons are shown as text, whatever they contain;
     characters that cannot be printed are shown as escapes.
@@ -91,13 +98,21 @@ def write_report(
             raise ValueError(f"`{name}` must be 0 or more; got {value}")
     if not target.absolute().parent.is_dir():
         raise FileNotFoundError(f"`path` must be in an existing folder; got '{target}'")
+    where = os.fspath(run)
+    heading = title if title is not None else _name_of(where)
+    with closing(open_run_index(where)) as index:
+        return _written(target, kind, index, where, heading, star_labels, n_views, n_worst, int(max_megabytes * 1e6))
+
+
+def _written(
+    target: Path, kind: Format, index: RunIndex, where: str, heading: str, star_labels: Sequence[str] | None,
+    n_views: int, n_worst: int, max_bytes: int,
+) -> dict[str, Any]:  # fmt: skip
     from voxkernel.report.summary import read_left_out, summarize
 
-    where = os.fspath(run)
-    rows = load_rows(where)
+    rows = from_index(index)
     left_out = read_left_out(where)
     summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels)
-    heading = title if title is not None else _name_of(where)
     document = _document(summary)
     if kind == "json":
         text = json_text({"title": heading, **document}, indent=1) + "\n"
@@ -106,25 +121,31 @@ def write_report(
 
         text = render_markdown(summary, title=heading)
     else:
-        text = _page(rows, summary, where, heading, star_labels, n_views, int(max_megabytes * 1e6))
+        shown, beside = rows, ""
+        if rows.n > MOST_ROWS:
+            shown = from_table(index.rows(rows_to_show(rows, MOST_ROWS)))
+            beside = write_whole_table(target, index).name
+        text = _page(rows, shown, beside, summary, where, heading, star_labels, n_views, max_bytes)
     with whole_file(target) as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
     return document
 
 
 def _page(
-    rows: ReportRows, summary: dict[str, Any], run: str, title: str, star_labels: Sequence[str] | None,
-    n_views: int, max_bytes: int,
+    rows: ReportRows, shown: ReportRows, beside: str, summary: dict[str, Any], run: str, title: str,
+    star_labels: Sequence[str] | None, n_views: int, max_bytes: int,
 ) -> str:  # fmt: skip
     from voxkernel.report.labels import star_truth, wrong_ids
     from voxkernel.report.objects import worst_objects
     from voxkernel.report.page import render_page
     from voxkernel.report.pictures import collect
 
-    wrong = wrong_ids(rows, star_truth(rows, star_labels))
-    first = [*worst_objects(rows, 24), *wrong[: n_views // 3]]
-    pictures = collect(run, rows, n_views=n_views, max_bytes=max_bytes, first=first)
-    return render_page(rows, summary, pictures, title=title, chosen=list(pictures.views))
+    wrong = wrong_ids(shown, star_truth(rows, star_labels))
+    first = [*worst_objects(shown, 24), *wrong[: n_views // 3]]
+    pictures = collect(run, shown, n_views=n_views, max_bytes=max_bytes, first=first)
+    return render_page(
+        rows, summary, pictures, title=title, chosen=list(pictures.views), shown=shown, beside=beside
+    )
 
 
 def _format_of(target: Path, format: str | None) -> Format:

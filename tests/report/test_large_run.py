@@ -1,0 +1,64 @@
+"""Runs with more rows than a page holds: its numbers are of all rows, its table shows a part, all are beside it."""
+
+import importlib
+import re
+
+import numpy as np
+import pytest
+from report_runs import surface_row
+
+from voxkernel import run_table, write_report
+from voxkernel.report.large_run import rows_to_show
+from voxkernel.report.rows import load_rows
+
+MOST = 60
+
+
+@pytest.fixture
+def run(tmp_path, rng):
+    """Five hundred rows in three parts, some of which are replaced by later ones."""
+    fs, path = run_table.open_run(str(tmp_path / "run"))
+    kinds = ("star-shaped", "not star-shaped", "degenerate")
+    rows = [surface_row(f"in/{k:03}.ply", rng, ("star", "not")[k % 2], kinds[k % 3]) for k in range(500)]
+    for k in range(0, 500, 25):
+        rows[k] = {"file": rows[k]["file"], "status": "failed", "reason": "no mesh"}
+    for part in (rows[:200], rows[150:300], rows[250:]):
+        run_table.write_part(fs, path, part)
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def few(monkeypatch):
+    monkeypatch.setattr(importlib.import_module("voxkernel.report.write_report"), "MOST_ROWS", MOST)
+
+
+def test_the_page_shows_a_part_and_counts_all(run, few, tmp_path, monkeypatch):
+    summary = write_report(tmp_path / "a page.html", run)
+    text = (tmp_path / "a page.html").read_text()
+    assert summary["n_rows"] == 500
+    assert summary["counts"]["failed"] == 20
+    assert re.search(r"The table shows 60 of 500 rows", text)
+    assert 'href="a%20page.rows.parquet"' in text
+    beside = run_table.read_part(run_table.open_part(*run_table.open_run(str(tmp_path / "a page.rows.parquet"))))
+    table = run_table.read_rows(str(run))
+    assert beside.sort_by("file").equals(table)
+    assert write_report(tmp_path / "s.json", run) == summary
+    monkeypatch.undo()
+    assert write_report(tmp_path / "whole.html", run) == summary
+    assert not (tmp_path / "whole.rows.parquet").exists()
+    assert len(text) < len((tmp_path / "whole.html").read_text())
+
+
+def test_rows_that_are_shown(run):
+    """The failed and the worst ones, and from the others every so many."""
+    rows = load_rows(str(run))
+    ids = rows_to_show(rows, MOST).tolist()
+    assert len(ids) == len(set(ids)) == MOST
+    assert ids == sorted(ids)
+    assert sum(rows.outcome[i] == "failed" for i in ids) == MOST // 4
+    worst = np.argsort(-np.nan_to_num(rows.numbers["violation_upper"]), kind="stable")[: MOST // 4]
+    assert set(worst.tolist()) <= set(ids)
+    assert max(np.diff(ids)) < 30
+    shown = rows.taken(np.array(ids))
+    assert shown.texts["file"] == [rows.texts["file"][i] for i in ids]
+    assert shown.lists["profile_shares"][3] == rows.lists["profile_shares"][ids[3]]

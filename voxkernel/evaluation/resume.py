@@ -1,0 +1,128 @@
+"""What of a data set an earlier run has computed already, told by keys and hashes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._extras import optional
+from voxkernel.evaluation.inputs import Item, content_hash
+from voxkernel.evaluation.settings import EvaluateSettings, settings_hash
+from voxkernel.run_index import RunIndex
+
+__all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
+
+COLUMNS = ("label", "status", "n_objects", "view")  # beside the keys
+_AT_ONCE = 1000  # files that a thread reads in one go
+_WAITING = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """Meshes to compute, how many need not be and how many of these failed, and rows whose label is another now."""
+
+    fresh: list[Item]
+    n_reused: int
+    n_failed: int
+    places: NDArray[np.int64]
+    labels: list[str | None]
+
+
+def resumed(items: Sequence[Item], index: RunIndex, settings: EvaluateSettings) -> Resumed:
+    """Divide meshes into those to compute and those whose rows are there: same content, same settings."""
+    known, compute = _Known(index), optional("pyarrow.compute")
+    place = known.find([item.name for item in items])
+    first = np.maximum(place, 0)
+    wanted = place >= 0
+    if len(index):
+        wanted &= known.mask(compute.equal(index.keys["settings_hash"], settings_hash(settings)))[first]
+        if settings.retry_failed:
+            wanted &= ~known.failed[first]
+        wanted &= known.is_whole[first]
+        views = np.fromiter((item.view for item in items), bool, len(items))
+        wanted &= ~views | known.needs_no_view[first]
+    candidates = np.flatnonzero(wanted).tolist()
+    stored = index.keys["content_hash"].take(optional("pyarrow").array(first[candidates]))
+    is_same = np.fromiter(_same([items[i] for i in candidates], stored), bool, len(candidates))
+    reused = np.zeros(len(items), bool)
+    reused[np.array(candidates, np.int64)[is_same]] = True
+    places, labels = known.relabelled(items, np.flatnonzero(reused), first)
+    n_failed = int(known.failed[first[reused]].sum()) if len(index) else 0
+    fresh = [item for item, is_there in zip(items, reused.tolist(), strict=True) if not is_there]
+    return Resumed(fresh, int(reused.sum()), n_failed, places, labels)
+
+
+def count_rows(items: Sequence[Item], index: RunIndex) -> int:
+    """Count the rows of these meshes."""
+    pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+    names = pa.array([item.name for item in items], pa.string())
+    return int(compute.sum(compute.is_in(index.keys["file"], value_set=names)).as_py() or 0)
+
+
+def _same(items: Sequence[Item], stored: Any) -> Iterator[bool]:
+    """Say of each mesh whether its content is the stored one; some threads read files at the same time."""
+    batches = ((items[k : k + _AT_ONCE], stored[k : k + _AT_ONCE]) for k in range(0, len(items), _AT_ONCE))
+    with ThreadPoolExecutor(8) as readers:  # SHA-256 and reading do not hold the interpreter
+        while some := list(islice(batches, _WAITING)):
+            for same in readers.map(_same_of_some, some):
+                yield from same
+
+
+def _same_of_some(batch: tuple[Sequence[Item], Any]) -> list[bool]:
+    items, stored = batch
+    return [content_hash(item) == known for item, known in zip(items, stored.to_pylist(), strict=True)]
+
+
+class _Known:
+    """The first row of each file of a run, and what is asked about it, by its place in the table."""
+
+    def __init__(self, index: RunIndex) -> None:
+        compute, keys = optional("pyarrow.compute"), index.keys
+        self._keys = keys
+        files = keys["file"].combine_chunks()
+        n = len(index)
+        is_first = np.append(True, compute.not_equal(files[1:], files[:-1]).to_numpy(zero_copy_only=False))[:n]
+        self._first = np.flatnonzero(is_first)
+        self._n_rows = np.zeros(n, np.int64)
+        self._n_rows[self._first] = np.diff(np.append(self._first, n))
+        self._files = files.take(optional("pyarrow").array(self._first))
+        self.failed = self.mask(compute.equal(keys["status"], "failed"))
+        objects = keys["n_objects"].fill_null(-1).to_numpy()
+        self.is_whole = (objects < 0) | (objects == self._n_rows)  # or a label image of which parts are missing
+        single = compute.and_(keys["cell"].is_null(), keys["object"].is_null())
+        may_view = compute.and_(compute.equal(keys["status"], "ok"), single)
+        has_view = compute.not_equal(keys["view"].fill_null(""), "")
+        self.needs_no_view = self.mask(compute.or_(has_view, compute.invert(may_view)))
+
+    def mask(self, column: Any) -> NDArray[np.bool_]:
+        """Null counts as false."""
+        return np.asarray(column.fill_null(False).to_numpy(), bool)
+
+    def find(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Give the place of the first row of each file, -1 where there is none."""
+        pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+        found = compute.index_in(pa.array(names, pa.string()), value_set=self._files).fill_null(-1).to_numpy()
+        return np.append(self._first, -1)[found].astype(np.int64)
+
+    def relabelled(
+        self, items: Sequence[Item], reused: NDArray[np.int64], first: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], list[str | None]]:
+        """Give the places of rows whose label is another now, and that label."""
+        pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+        begin, count = first[reused], self._n_rows[first[reused]]
+        places = np.repeat(begin, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        own = pa.array([items[i].label for i in reused.tolist()], pa.string()).take(
+            pa.array(np.repeat(np.arange(len(reused)), count))
+        )
+        before = self._keys["label"].take(pa.array(places))
+        is_same = compute.or_(
+            compute.equal(own, before).fill_null(False), compute.and_(own.is_null(), before.is_null())
+        )
+        changed = np.flatnonzero(~self.mask(is_same))
+        return places[changed], own.take(pa.array(changed)).to_pylist()

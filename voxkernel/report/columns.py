@@ -1,0 +1,159 @@
+"""Columns of a run's table, as compact as the table stores them, read when they are first needed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel._extras import optional
+
+__all__ = ["Columns", "Lists", "Texts", "numbers_of"]
+
+T = TypeVar("T")
+_AT_ONCE = 20_000  # values that are Python objects at a time
+
+
+class Texts(Sequence[str]):
+    """A text column: each word once, "" for null."""
+
+    __slots__ = ("codes", "words")
+
+    def __init__(self, codes: NDArray[np.int32], words: Any) -> None:
+        self.codes, self.words = codes, words
+
+    @classmethod
+    def of_column(cls, column: Any) -> Texts:
+        """Take an Arrow column."""
+        pa = optional("pyarrow")
+        coded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
+        return cls(coded.indices.to_numpy().astype(np.int32, copy=False), coded.dictionary)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.codes)
+
+    @overload
+    def __getitem__(self, i: int) -> str: ...
+    @overload
+    def __getitem__(self, i: slice) -> list[str]: ...
+    def __getitem__(self, i: int | slice) -> str | list[str]:
+        """One text, or a list of some."""
+        if isinstance(i, slice):
+            return list(self.taken(np.arange(len(self))[i]))
+        return str(self.words[int(self.codes[i])].as_py())
+
+    def __iter__(self) -> Iterator[str]:
+        """Every text, some thousand of which are Python's at a time, unless there are few words."""
+        few = self.words.to_pylist() if len(self.words) <= _AT_ONCE else None
+        for k in range(0, len(self.codes), _AT_ONCE):
+            codes = self.codes[k : k + _AT_ONCE]
+            if few is not None:
+                yield from (few[c] for c in codes.tolist())
+            else:
+                yield from self.words.take(optional("pyarrow").array(codes)).to_pylist()
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """All texts as an array of objects, equal ones the same object."""
+        used, codes = np.unique(self.codes, return_inverse=True)
+        words = self.words.take(optional("pyarrow").array(used)).to_numpy(zero_copy_only=False)
+        return np.asarray(words, dtype=object)[codes.reshape(-1)].astype(dtype or object, copy=False)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another sequence has the same texts."""
+        return isinstance(other, Sequence) and len(self) == len(other) and all(map(str.__eq__, self, other))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def taken(self, ids: NDArray[np.int64]) -> Texts:
+        """Give some of the texts."""
+        return Texts(self.codes[ids], self.words)
+
+    def used(self) -> list[str]:
+        """Give the words in use, in the order of the words."""
+        used = np.unique(self.codes)
+        return self.words.take(optional("pyarrow").array(used)).to_pylist()
+
+    def counts(self) -> Counter[str]:
+        """Count how often each word is used."""
+        used, n = np.unique(self.codes, return_counts=True)
+        return Counter(dict(zip(self.used(), n.tolist(), strict=True))) if len(used) else Counter()
+
+    def extent(self) -> tuple[str, str] | None:
+        """Give the first and the last text in order that are not ""; None where there is none."""
+        compute = optional("pyarrow.compute")
+        words = self.words.take(optional("pyarrow").array(np.unique(self.codes)))
+        found = compute.min_max(words.filter(compute.not_equal(words, ""))).as_py()
+        return None if found["min"] is None else (found["min"], found["max"])
+
+
+class Lists(Sequence[Any]):
+    """A list column; None for null."""
+
+    __slots__ = ("values",)
+
+    def __init__(self, values: Any) -> None:
+        self.values = values
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.values)
+
+    def __getitem__(self, i: Any) -> Any:
+        """One list, or a list of some."""
+        return self.values[i].to_pylist() if isinstance(i, slice) else self.values[int(i)].as_py()
+
+    def __iter__(self) -> Iterator[Any]:
+        """Every list, some thousand of which are Python's at a time."""
+        for k in range(0, len(self.values), _AT_ONCE):
+            yield from self.values[k : k + _AT_ONCE].to_pylist()
+
+    def taken(self, ids: NDArray[np.int64]) -> Lists:
+        """Give some of the lists."""
+        return Lists(self.values.take(optional("pyarrow").array(ids)))
+
+    def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Give the length of each list, 0 for null, and all their numbers behind each other, NaN for null."""
+        column = self.values.combine_chunks() if hasattr(self.values, "combine_chunks") else self.values
+        lengths = optional("pyarrow.compute").list_value_length(column).fill_null(0).to_numpy(zero_copy_only=False)
+        numbers = column.flatten().to_numpy(zero_copy_only=False)
+        return lengths.astype(np.int64), np.asarray(numbers, np.float64)
+
+
+class Columns(Generic[T]):
+    """Columns by name, each read when it is first asked for."""
+
+    def __init__(self, names: Sequence[str], read: Callable[[str], T]) -> None:
+        self._names, self._read = tuple(names), read
+        self._held: dict[str, T] = {}
+
+    def __getitem__(self, name: str) -> T:
+        """Give a column."""
+        if name not in self._held:
+            if name not in self._names:
+                raise KeyError(name)
+            self._held[name] = self._read(name)
+        return self._held[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """The names."""
+        return iter(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is such a column."""
+        return name in self._names
+
+    def __len__(self) -> int:
+        """How many columns there are."""
+        return len(self._names)
+
+
+def numbers_of(column: Any) -> NDArray[np.float64]:
+    """Take a column of numbers or truths out of Arrow; NaN for null."""
+    pa = optional("pyarrow")
+    if column.null_count == len(column):
+        return np.broadcast_to(np.array(np.nan), len(column))
+    return column.cast(pa.float64(), safe=False).fill_null(np.nan).to_numpy()

@@ -1,0 +1,100 @@
+"""Which rows of a run's parts count, known from keys and hashes alone, so that a run may have a million of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel import run_table
+from voxkernel._extras import optional
+
+__all__ = ["RunIndex", "open_index"]
+
+KEYS = ("file", "cell", "object", "content_hash", "settings_hash", "finished")
+
+
+class RunIndex:
+    """The rows of a run that count, in the order of the table: by file, cell and object.
+
+    Parts are held open, so that those on this machine can be read to the end though a run that goes on deletes them.
+
+    Attributes
+    ----------
+    names : list of str
+        The parts, oldest first.
+    n_stale : int
+        Rows of the parts that later ones have replaced.
+    keys : pyarrow.Table
+        The columns of `KEYS` and those asked for, of the rows that count.
+    """
+
+    def __init__(self, fs: Any, names: Sequence[str], columns: Sequence[str]) -> None:
+        self.names = list(names)
+        self._parts = [run_table.open_part(fs, name) for name in names]
+        self._starts = np.concatenate([[0], np.cumsum([part.num_rows for part in self._parts])]).astype(np.int64)
+        wanted = list(dict.fromkeys([*KEYS, *columns]))
+        whole = self._whole(wanted)
+        self._order = run_table.current_rows(whole)
+        self.n_stale = whole.num_rows - len(self._order)
+        self.keys = self._sorted(whole)
+        del whole
+        optional("pyarrow").default_memory_pool().release_unused()
+
+    def __len__(self) -> int:
+        """How many rows count."""
+        return len(self._order)
+
+    def close(self) -> None:
+        """Let go of the parts."""
+        for part in self._parts:
+            part.close()
+
+    def part_sizes(self) -> list[tuple[int, int]]:
+        """Rows of each part, and how many of them count."""
+        counted = np.histogram(self._order, self._starts)[0] if len(self._starts) > 1 else np.zeros(0, np.int64)
+        return list(zip(np.diff(self._starts).tolist(), counted.tolist(), strict=True))
+
+    def table(self, columns: Sequence[str]) -> Any:
+        """Read columns of all rows, in the order of the table."""
+        return self._sorted(self._whole(list(columns)))
+
+    def rows(self, places: NDArray[np.int64]) -> Any:
+        """Read some rows whole; `places` are their places in the table. One part is in memory at a time."""
+        pa = optional("pyarrow")
+        wanted = self._order[places]
+        by_place = np.argsort(wanted, kind="stable")
+        pieces = [run_table.schema().empty_table()]
+        for k, (begin, end) in enumerate(zip(self._starts[:-1], self._starts[1:], strict=True)):
+            low, high = np.searchsorted(wanted[by_place], [begin, end])
+            if high > low:
+                pieces.append(run_table.read_part(self._parts[k]).take(pa.array(wanted[by_place][low:high] - begin)))
+        back = np.empty(len(places), np.int64)
+        back[by_place] = np.arange(len(places))
+        return pa.concat_tables(pieces).take(pa.array(back))
+
+    def places_of(self, parts: Sequence[int]) -> NDArray[np.int64]:
+        """Places in the table of the rows of some parts."""
+        return np.flatnonzero(np.isin(np.searchsorted(self._starts, self._order, side="right") - 1, parts))
+
+    def parts(self) -> Iterator[Any]:
+        """Read what counts of one part after the other, in the order of the table within each."""
+        for k in range(len(self.names)):
+            yield self.rows(self.places_of([k]))
+
+    def _whole(self, columns: list[str]) -> Any:
+        pa = optional("pyarrow")
+        wanted = pa.schema([run_table.schema().field(name) for name in columns])
+        return pa.concat_tables([wanted.empty_table(), *(run_table.read_part(p, columns) for p in self._parts)])
+
+    def _sorted(self, whole: Any) -> Any:
+        if len(self._order) == whole.num_rows and bool((np.diff(self._order) == 1).all()):
+            return whole
+        return whole.take(optional("pyarrow").array(self._order))
+
+
+def open_index(fs: Any, run_path: str, columns: Sequence[str] = ()) -> RunIndex:
+    """Index the parts of a run, with more columns than the keys; a run that goes on may just be merging some."""
+    return run_table.while_parts_move(lambda: RunIndex(fs, run_table.part_names(fs, run_path), columns))
