@@ -1,4 +1,4 @@
-"""Reports of a run: one offline HTML page, a Markdown text for a pull request, or JSON for programs."""
+"""Reports of a run: an offline HTML page, Markdown for a pull request, JSON for programs, LaTeX for a paper."""
 
 from __future__ import annotations
 
@@ -14,17 +14,21 @@ from voxkernel.report.rows import ReportRows, load_rows
 
 __all__ = ["write_report"]
 
-Format = Literal["html", "markdown", "json"]
-_SUFFIXES: dict[str, Format] = {".html": "html", ".htm": "html", ".md": "markdown", ".json": "json"}
+Format = Literal["html", "markdown", "json", "latex"]
+_SUFFIXES: dict[str, Format] = {
+    ".html": "html", ".htm": "html", ".md": "markdown", ".json": "json", ".tex": "latex",
+}  # fmt: skip
 
 
 def write_report(
     path: str | os.PathLike[str],
     run: str | os.PathLike[str],
     *,
-    format: Literal["html", "markdown", "json"] | None = None,
+    format: Literal["html", "markdown", "json", "latex"] | None = None,
     title: str | None = None,
     star_labels: Sequence[str] | None = None,
+    classes: Sequence[str] | None = None,
+    compare: str | os.PathLike[str] | None = None,
     n_views: int = 12,
     n_worst: int = 10,
     max_megabytes: float = 40.0,
@@ -38,13 +42,20 @@ def write_report(
     run : str or os.PathLike
         Folder or URL that `evaluate` wrote. Its table is read, the thumbnails and views the table names, and which
         files were left out, from `settings.json`; never a mesh.
-    format : {"html", "markdown", "json"}, optional
-        By default from the suffix of `path`: .html, .md or .json.
+    format : {"html", "markdown", "json", "latex"}, optional
+        By default from the suffix of `path`: .html, .md, .json or .tex. LaTeX is tables for the package booktabs, and
+        beside them each figure as ``.pdf`` and ``.svg``, drawn by Matplotlib.
     title : str, optional
         Words above the report; the name of the run by default.
     star_labels : sequence of str, optional
         Labels that mean star-shaped; all others then mean that it is not. By default labels such as "star" and
         "not star-shaped" are understood when there are no others.
+    classes : sequence of str, optional
+        Classes by thresholds, such as "nearly star-shaped: defect<0.01"; a row belongs to the first whose comparisons
+        (of scores or columns of numbers, all must hold) are true. They are counted, against the labels too.
+    compare : str or os.PathLike, optional
+        Another run, usually an earlier one, that this one is held against: changed verdicts, regressions, how far
+        scores moved.
     n_views : int
         How many shapes the page lets a reader turn in 3D, at most; those the run has views of.
     n_worst : int
@@ -60,8 +71,8 @@ def write_report(
     Raises
     ------
     ValueError
-        If the format is unknown, a count is negative, a star label is not in the run, or its table or
-        `settings.json` is damaged.
+        If the format is unknown, a count is negative, a star label is not in the run, a class cannot be read, or its
+        table or `settings.json` is damaged.
     FileNotFoundError
         If there is no run, or no folder for the report.
     OSError
@@ -96,7 +107,8 @@ def write_report(
     where = os.fspath(run)
     rows = load_rows(where)
     left_out = read_left_out(where)
-    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels)
+    rows, more = _extended(rows, where, classes, compare)
+    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels) | more
     heading = title if title is not None else _name_of(where)
     document = _document(summary)
     if kind == "json":
@@ -105,11 +117,43 @@ def write_report(
         from voxkernel.report.markdown import render_markdown
 
         text = render_markdown(summary, title=heading)
+    elif kind == "latex":
+        from voxkernel.report.figures import write_figures
+        from voxkernel.report.latex import render_latex
+
+        figures = write_figures(target, rows, summary)
+        text = render_latex(summary, title=heading, figures=figures)
     else:
         text = _page(rows, summary, where, heading, star_labels, n_views, int(max_megabytes * 1e6))
     with whole_file(target) as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
     return document
+
+
+def _extended(
+    rows: ReportRows, run: str, classes: Sequence[str] | None, compare: str | os.PathLike[str] | None
+) -> tuple[ReportRows, dict[str, Any]]:
+    """Rows with the columns, and the parts of the summary, that classes and another run bring."""
+    more: dict[str, Any] = {"classes": None, "comparison": None}
+    if classes is not None:
+        from voxkernel.report.classes import class_rules, class_summary, with_classes
+
+        rules = class_rules(classes)
+        rows = with_classes(rows, rules)
+        more["classes"] = class_summary(rows, rules)
+    if compare is not None:
+        from voxkernel.report.compare import comparison, comparison_charts, matched, with_changes
+
+        other = os.fspath(compare)
+        before = load_rows(other)
+        pairs, matched_by = matched(rows, before)
+        names = _name_of(run), _name_of(other)
+        if names[0] == names[1]:
+            names = run, other
+        more["comparison"] = comparison(rows, before, pairs, matched_by=matched_by, names=names)
+        more["comparison"]["charts"] = comparison_charts(rows, before, pairs)
+        rows = with_changes(rows, before, pairs)
+    return rows, more
 
 
 def _page(
@@ -130,7 +174,7 @@ def _page(
 def _format_of(target: Path, format: str | None) -> Format:
     if format is None:
         if target.suffix.lower() not in _SUFFIXES:
-            raise ValueError(f"`path` must end in .html, .md or .json, or `format` be given; got '{target.name}'")
+            raise ValueError(f"`path` must end in .html, .md, .json or .tex, or `format` be given; got '{target.name}'")
         return _SUFFIXES[target.suffix.lower()]
     if format not in get_args(Format):
         raise ValueError(f"`format` must be one of {', '.join(get_args(Format))}; got '{format}'")
@@ -138,7 +182,10 @@ def _format_of(target: Path, format: str | None) -> Format:
 
 
 def _document(summary: dict[str, Any]) -> dict[str, Any]:
-    """Leave the points of the ROC curves out: they are for the drawing."""
+    """Leave the points of curves and the charts out: they are for the drawing."""
+    if summary["comparison"] is not None:
+        own = {name: value for name, value in summary["comparison"].items() if name != "charts"}
+        summary = {**summary, "comparison": own}
     labels = summary["labels"]
     if labels is not None:
         roc = [
