@@ -17,6 +17,7 @@ EXTRAS = {
     "fsspec": "datasets",
     "h5py": "labels",
     "jinja2": "datasets",
+    "matplotlib": "pictures",
     "nibabel": "labels",
     "nrrd": "labels",
     "open3d": "registration",

@@ -1,6 +1,7 @@
 """Runs with more rows than a page holds: its numbers are of all rows, its table shows a part, all are beside it."""
 
 import importlib
+import json
 import re
 
 import numpy as np
@@ -47,6 +48,19 @@ def test_the_page_shows_a_part_and_counts_all(run, few, tmp_path, monkeypatch):
     assert write_report(tmp_path / "whole.html", run) == summary
     assert not (tmp_path / "whole.rows.parquet").exists()
     assert len(text) < len((tmp_path / "whole.html").read_text())
+
+
+def test_classes_and_another_run_are_told_of_the_rows_that_are_shown(run, few, tmp_path):
+    write_report(tmp_path / "page.html", run, classes=["near: defect<0.1"], compare=run)
+    text = (tmp_path / "page.html").read_text()
+    data = json.loads(re.search(r'<script type="application/json" id="rows">(.*?)</script>', text, re.DOTALL)[1])
+    columns = {column["key"]: [column["words"][k] for k in column["values"]] if "words" in column else column["values"]
+               for column in data["columns"]}  # fmt: skip
+    assert data["n"] == len(columns["file"]) == MOST
+    assert columns["before"] == columns["outcome"]
+    for verdict, name, defect in zip(columns["outcome"], columns["class"], columns["violation_upper"], strict=True):
+        assert name == ("failed" if verdict == "failed" else "near" if (defect or 0.0) < 0.1 else "none of these")
+    assert {"failed", "near", "none of these"} <= set(columns["class"])
 
 
 def test_rows_that_are_shown(run):

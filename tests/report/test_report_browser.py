@@ -6,7 +6,7 @@ import shutil
 import label_shapes
 import numpy as np
 import pytest
-from report_runs import HOSTILE, add_view, cell_row, large_run, surface_row, write_run
+from report_runs import HOSTILE, add_view, cell_row, failed_row, large_run, surface_row, write_run
 
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.report import write_report
@@ -386,3 +386,47 @@ def test_a_relaxed_kernel_has_another_colour(opened, mixed):
     orange, purple = found["0.ply"], found["1.ply"]
     assert orange[0] > orange[1] > orange[2]
     assert purple[2] > purple[1]
+
+
+def test_it_prints_as_one_sheet(opened, rng, tmp_path):
+    """Long names, many labels, reasons, classes and another run: one page of A4, and nothing on it is cut off."""
+    rows = [
+        surface_row(HOSTILE[k] if k < len(HOSTILE) else f"folder/{60 * 'x'}{k}.ply", rng, f"label {30 * 'w'} {k % 30}",
+                    ("star-shaped", "not star-shaped", "degenerate")[k % 3])
+        for k in range(90)
+    ]  # fmt: skip
+    rows += [failed_row(f"{k}.ply", f"reason {k} {60 * 'long '}") for k in range(40)]
+    rows += [cell_row("cells.vtu", k, rng) for k in range(20)]
+    now, before = write_run(tmp_path / "now", rows), write_run(tmp_path / "before", rows[40:])
+    classes = [f"a class with a {5 * 'long '}name: defect<0.01; b: defect<0.1; c: ratio>0.1; d: ratio>0"]
+    write_report(tmp_path / "r.html", now, compare=before, classes=classes)
+    page = opened(tmp_path / "r.html", viewport={"width": 703, "height": 1032})
+    assert page.locator(".sheet").is_hidden()
+    page.emulate_media(media="print")
+    assert page.locator("#all").is_hidden()
+    room = page.evaluate("(({ scrollHeight, clientHeight }) => [scrollHeight, clientHeight])("
+                         "document.querySelector('.sheet'))")  # fmt: skip
+    assert room[0] <= room[1]
+    pdf = page.pdf(prefer_css_page_size=True)
+    assert pdf.count(b"/Type /Page\n") == 1
+    page.emulate_media(media="screen")
+    page.locator("#print-all").check()
+    page.emulate_media(media="print")
+    assert page.locator("#all").is_visible()
+    assert page.locator(".sheet").is_hidden()
+
+
+def test_columns_are_those_of_the_kind(opened, rng, tmp_path):
+    rows = [surface_row(f"{k}.ply", rng) for k in range(3)] + [cell_row("c.vtu", k, rng) for k in range(3)]
+    write_run(tmp_path / "run", rows)
+    write_report(tmp_path / "r.html", tmp_path / "run")
+    page = opened(tmp_path / "r.html")
+    heads = "[...document.querySelectorAll('#head th')].map((h) => h.textContent.trim())"
+    assert "Volume share" not in page.evaluate(heads)
+    page.locator("#kind").select_option("cell")
+    assert "Volume share" in page.evaluate(heads)
+    assert table_rows(page).count() == 3
+    cut = "[...document.querySelectorAll('#body td.n div')].filter((d) => d.scrollWidth > d.clientWidth).length"
+    assert page.evaluate(cut) == 0  # numbers are never cut
+    page.locator("#kind").select_option("")
+    assert {"Volume share", "Visible"} <= set(page.evaluate(heads))

@@ -16,7 +16,7 @@ DESCRIPTION = (
 )
 EXAMPLES = (
     "voxkernel evaluate scans/ -o run/",
-    "voxkernel evaluate 'shapes/*.ply' -o run/ --labels labels.csv --thumbnails --views 50 --csv",
+    "voxkernel evaluate 'shapes/*.ply' -o run/ --labels labels.csv --views 50 --csv",
     "voxkernel evaluate shapes/ -o run/ --labels folders --profile --energies 16",
     "voxkernel evaluate s3://bucket/meshes -o s3://bucket/run --scheduler tcp://10.0.0.1:8786",
     "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
@@ -39,7 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     row.add_argument("--labels", metavar="CSV", help="columns file,label; or the word 'folders'")
     add_label_arguments(parser)
     pictures = parser.add_argument_group("for a report")
-    pictures.add_argument("--thumbnails", action="store_true", help="draw every surface with its kernel")
+    pictures.add_argument(
+        "--thumbnails", action=argparse.BooleanOptionalAction,
+        help="draw every surface with its kernel; by default in runs of up to 200 files",
+    )  # fmt: skip
     pictures.add_argument(
         "--views", default="0", metavar="N", help="simplified copies to turn, of the first N, or 'all'"
     )

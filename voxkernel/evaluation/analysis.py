@@ -77,7 +77,7 @@ def analyse(
     row |= _relaxed(mesh, planes, score, settings)
     row["seconds_relaxed"] = clock.lap()
     files: dict[str, bytes] = {}
-    if settings.thumbnails or view:
+    if settings.thumbnails is not False or view:
         from voxkernel.evaluation.row_pictures import pictures
 
         try:

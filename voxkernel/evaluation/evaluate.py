@@ -163,6 +163,7 @@ def run_evaluation(
     )
     if not items:
         raise BadInput(f"`paths` must lead to at least one mesh; got {', '.join(map(str, paths)) or 'none'}")
+    settings = settings.for_files(len(items))
     left_out = count_suffixes(others, run=run)
     fs, run_path = run_table.open_run(run)
     with locked_run(fs, run_path) as is_locked:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from voxkernel._plain import plain
-from voxkernel.evaluation.settings import EvaluateSettings
+from voxkernel.evaluation.settings import FEW, EvaluateSettings
 from voxkernel.labels import LabelImage, LabelObjects, LabelStars, find_objects, label_stars, read_labels
 
 __all__ = ["label_rows"]
@@ -36,7 +36,7 @@ def label_rows(
     for row in rows:
         row |= {"seconds_read": (read - begin) / len(rows), "seconds_exact": (done - read) / len(rows)}
     files: dict[str, bytes] = {}
-    if settings.thumbnails:
+    if settings.thumbnails or (settings.thumbnails is None and len(objects) <= FEW):
         _draw(image, stars, rows, files, name)
     return tuple(rows), files
 

@@ -37,7 +37,7 @@ def pictures(
         )
     scene = make_scene(mesh, kernel)
     files: dict[str, bytes] = {}
-    if settings.thumbnails:
+    if settings.thumbnails is not False:
         files[f"thumbnails/{name}.png"] = _thumbnail(scene)
     if view:
         vertices, faces = _simplified(mesh, _VIEW_FACES)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
@@ -12,8 +13,9 @@ from voxkernel._extras import optional
 from voxkernel._plain import json_text
 from voxkernel.labels.label_stars import as_ray_counts
 
-__all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
+__all__ = ["FEW", "PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
 
+FEW = 200  # files, of which pictures are drawn unasked
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
 _FORMAT = 2  # counts up when the same settings give other rows
 _RESULTS = (
@@ -43,8 +45,9 @@ class EvaluateSettings:
         Cast rays: how much is really visible from the star centre.
     energies : int, optional
         Largest degree of spherical-harmonic energies about the star centre, 0 to 256; None leaves them out.
-    thumbnails : bool
-        Draw each surface with its kernel, 240 x 180 pixels.
+    thumbnails : bool, optional
+        Draw each surface with its kernel, 240 x 180 pixels. None: where the packages are installed, surfaces of runs of
+        at most 200 files, and objects of label images of at most as many objects.
     spacing : sequence of float, optional
         Of label images: distance of voxel centres along each axis; by default what a file stores.
     n_rays : sequence of int
@@ -90,7 +93,7 @@ class EvaluateSettings:
     tolerances: Sequence[float] = (0.01, 0.03, 0.1)
     visible: bool = False
     energies: int | None = None
-    thumbnails: bool = False
+    thumbnails: bool | None = False
     spacing: Sequence[float] | None = None
     n_rays: Sequence[int] = (32, 64, 96, 128, 256)
     surface: bool = False
@@ -141,9 +144,16 @@ class EvaluateSettings:
             raise ValueError(f"`memory_limit` must be at least 256 MiB; got {self.memory_limit!r}")
         return limit
 
+    def for_files(self, n: int) -> EvaluateSettings:
+        """Decide whether pictures are drawn of so many files, where that was left open."""
+        if self.thumbnails is None and (n > FEW or not all(find_spec(package) for package in ("pyvista", "PIL"))):
+            return replace(self, thumbnails=False)
+        return self
+
     def of_results(self) -> dict[str, Any]:
         """Give the settings that decide what is in a row."""
         values = {name: getattr(self, name) for name in _RESULTS}
+        values["thumbnails"] = bool(self.thumbnails)  # rows with pictures nobody asked for are rows without them
         if self.guards is None:  # as runs without guards have it
             del values["guards"]
         spacing = None if self.spacing is None else list(self.spacing)

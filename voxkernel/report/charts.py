@@ -66,7 +66,7 @@ class Axis:
             low = max(-12, math.floor(math.log10(positive.min())))
             high = max(low + 1, math.ceil(math.log10(positive.max())))
             return cls(10.0**low, 10.0**high, start, end, True)
-        low = 0.0 if bottom < 0.5 or top > 1.0 else math.floor(bottom * 20.0) / 20.0
+        low = 0.0 if bottom < 0.5 or top > 1.0 else min(math.floor(bottom * 20.0) / 20.0, 0.95)
         high = 1.0 if 0.3 < top <= 1.0 else _round_up(top)
         return cls(min(low, bottom), max(high, low + 1e-12), start, end)
 

@@ -32,6 +32,12 @@ class Texts(Sequence[str]):
         coded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
         return cls(coded.indices.to_numpy().astype(np.int32, copy=False), coded.dictionary)
 
+    @classmethod
+    def of_words(cls, codes: NDArray[np.integer[Any]], words: Sequence[str]) -> Texts:
+        """Take the place of each text among some words."""
+        pa = optional("pyarrow")
+        return cls(np.asarray(codes, np.int32), pa.array(words, pa.large_string()))
+
     def __len__(self) -> int:
         """How many there are."""
         return len(self.codes)

@@ -16,7 +16,10 @@ _MOST_FILES = 20
 def render_markdown(summary: dict[str, Any], *, title: str) -> str:
     """Write summary, failures, labels and the worst rows; every name and reason as code."""
     parts = [f"## voxkernel report: {code_span(title)}", _counts(summary)]
-    for section in (_left_out, _failures, _proofs, _objects, _labels, _scores, _worst, _worst_cells):
+    sections = (
+        _left_out, _failures, _proofs, _comparison, _classes, _objects, _labels, _scores, _worst, _worst_cells,
+    )  # fmt: skip
+    for section in sections:
         text = section(summary)
         if text:
             parts.append(text)
@@ -58,6 +61,55 @@ def _failures(summary: dict[str, Any]) -> str:
 def _proofs(summary: dict[str, Any]) -> str:
     n = summary["certificates"]["n_not_verified"]
     return f"**{count(n)} answers whose proof was not confirmed.**" if n else ""
+
+
+def _comparison(summary: dict[str, Any]) -> str:
+    found = summary["comparison"]
+    if found is None:
+        return ""
+    lines = [
+        f"### Compared with {code_span(found['before'])}", "",
+        f"Of {count(found['n_both'])} rows in both runs {count(found['n_changed'])} verdicts changed: "
+        f"**{count(found['regressions']['n'])} regressions**, {count(found['improvements']['n'])} improvements. "
+        f"{count(found['only_now']['n'])} rows are only in this run, {count(found['only_before']['n'])} only in the "
+        "other.",
+    ]  # fmt: skip
+    rows = found["regressions"]["rows"][:_MOST_FILES]
+    if rows:
+        body = [
+            (code_span(row["name"]), row["before"], row["now"] + (", proof lost" if row["proof_lost"] else ""),
+             *(f"{number(pair[0])} → {number(pair[1])}" for pair in (row["scores"].get("defect", (None, None)),)))
+            for row in rows
+        ]  # fmt: skip
+        lines += ["", _table(("regression", "before", "now", "defect"), body, right=1)]
+    if found["scores"]:
+        body = [
+            (name, *(count(m[key]) for key in ("n", "n_equal", "n_better", "n_worse")), number(m["largest_change"]))
+            for name, m in found["scores"].items()
+        ]
+        heads = ("score", "rows", "equal", "better", "worse", "largest change")
+        lines += ["", _table(heads, body, right=5)]
+    return "\n".join(lines)
+
+
+def _classes(summary: dict[str, Any]) -> str:
+    classes = summary["classes"]
+    if classes is None:
+        return ""
+    heads = tuple(code_span(name, 60) for name in classes["names"])
+    lines = ["### Classes", "", "; ".join(code_span(rule["text"]) for rule in classes["rules"]) + ".", ""]
+    body = [(f"{kind}s", *map(count, counts)) for kind, counts in classes["kinds"].items()]
+    lines.append(_table(("", *heads), body, right=len(heads)))
+    labels = classes["labels"]
+    if labels is not None:
+        body = [(code_span(name, 60), *map(count, row))
+                for name, row in zip(labels["names"], labels["counts"], strict=True)]  # fmt: skip
+        lines += ["", _table(("label", *heads), body, right=len(heads))]
+        if labels["agreement"]:
+            judged = labels["agreement"]
+            lines += ["", f"The class is the label of {count(judged['n_right'])} of {count(judged['n'])} labelled "
+                      f"rows: accuracy {number(judged['accuracy'])}."]  # fmt: skip
+    return "\n".join(lines)
 
 
 def _objects(summary: dict[str, Any]) -> str:

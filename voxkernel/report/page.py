@@ -25,6 +25,10 @@ _COLUMNS = (
     ("file", "File", "auto", "name as given to the evaluation"),
     ("label", "Label", "110px", ""),
     ("outcome", "Verdict", "196px", ""),
+    ("class", "Class", "150px", "by the thresholds that were given"),
+    ("before", "Before", "150px", "verdict in the other run"),
+    ("ratio_change", "Ratio moved", "112px", "ratio now minus before"),
+    ("defect_change", "Defect moved", "118px", "defect now minus before"),
     ("ratio", "Ratio", "88px", SCORES[0].meaning),
     ("violation_upper", "Defect", "92px", SCORES[1].meaning),
     ("visible_fraction", "Visible", "90px", SCORES[2].meaning),
@@ -101,8 +105,10 @@ _COLUMNS = (
     ("finished", "Finished", "", ""),
 )
 _TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward", "touches_border")
+_ON_REQUEST = ("class", "before", "ratio_change", "defect_change")  # with classes, or another run
 _WHOLE = ("verdict_reason", "notes")
 _DIGITS = 6
+_ENDS, _FILE = 188, 240  # pixels of the columns at both ends, and at least of the file
 _WORST = 24  # pictures of objects
 
 
@@ -125,7 +131,7 @@ def render_page(
         return (folder / name).read_text(encoding="utf-8")
 
     # A template from a dictionary: packages in a zip have no folder.
-    names = ("report.html", "report_macros.html")
+    names = ("report.html", "report_macros.html", "report_sheet.html")
     environment = jinja2.Environment(
         loader=jinja2.DictLoader({name: read(name) for name in names}),
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
@@ -143,7 +149,7 @@ def render_page(
         scores=charts.score_charts(rows.only("surface"), SCORES), ranks=_matrix(summary, SCORES),
         cell_scores=charts.score_charts(rows.only("cell"), CELL_SCORES), cell_ranks=_matrix(summary, CELL_SCORES),
         profiles=charts.profile_charts(summary["profile"]), rocs=charts.roc_charts(summary["labels"]),
-        boxes=charts.boxes(summary["labels"]),
+        boxes=charts.boxes(summary["labels"]), shown_scores=_shown_scores,
         object_charts=[*object_charts(summary["objects"]), *charts.score_charts(rows.only("object"), LABEL_SCORES)],
         worst=[_card(shown, pictures, i, shared) for i in worst_objects(shown, _WORST) if i in pictures.thumbnails],
         gallery=[_card(shown, pictures, i, shared) for i in chosen], n_shown=shown.n, beside=readable(beside),
@@ -159,6 +165,8 @@ def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
     """Give the columns that hold anything, compactly: repeated words once, numbers to six digits."""
     columns: list[dict[str, Any]] = []
     for key, title, width, hint in _COLUMNS:
+        if key in _ON_REQUEST and key not in rows.texts and key not in rows.numbers:
+            continue
         values, kind = _values(rows, key)
         empty = "" if kind == "text" else None
         if key not in ("file", "outcome") and all(value == empty for value in values):
@@ -175,7 +183,7 @@ def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
     kinds = [rows.kind(i) for i in range(rows.n)]
     return {
         "n": rows.n, "kinds": kinds if len(set(kinds)) > 1 else [], "folder": common_folder(rows),
-        "columns": columns, "wide": fixed + 280,
+        "columns": columns, "wide": fixed + _ENDS + _FILE,
         "views": list(pictures.views), "pictures": list(pictures.thumbnails),
         "labels": sorted({readable(t) for t in rows.texts["label"]}),
     }  # fmt: skip
@@ -330,6 +338,11 @@ def _time(text: str) -> str:
 
 def _pixels(value: float) -> str:
     return f"{value:.4g}"
+
+
+def _shown_scores(entries: Sequence[dict[str, Any]]) -> list[str]:
+    """Scores that any of these entries of the summary has."""
+    return [s.name for s in ALL_SCORES if any(np.isfinite(entry.get(s.name, np.nan)) for entry in entries)]
 
 
 def _score_title(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -116,6 +116,19 @@ class ReportRows(Frozen):
             Columns(list(self.numbers), lambda name: self.numbers[name][ids]),
             Columns(list(self.lists), lambda name: self.lists[name].taken(ids)),
             self.outcome.taken(ids),
+        )
+
+    def with_columns(
+        self, texts: Mapping[str, Texts], numbers: Mapping[str, NDArray[np.float64]] | None = None
+    ) -> ReportRows:
+        """Give the same rows with more columns."""
+        numbers = numbers or {}
+        return ReportRows(
+            self.n,
+            Columns([*self.texts, *texts], lambda name: texts[name] if name in texts else self.texts[name]),
+            Columns([*self.numbers, *numbers], lambda name: numbers[name] if name in numbers else self.numbers[name]),
+            self.lists,
+            self.outcome,
         )
 
     def name(self, i: int) -> str:

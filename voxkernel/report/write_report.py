@@ -1,4 +1,4 @@
-"""Reports of a run: one offline HTML page, a Markdown text for a pull request, or JSON for programs."""
+"""Reports of a run: an offline HTML page, Markdown for a pull request, JSON for programs, LaTeX for a paper."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._output_file import whole_file
@@ -17,17 +20,21 @@ from voxkernel.run_index import RunIndex
 
 __all__ = ["write_report"]
 
-Format = Literal["html", "markdown", "json"]
-_SUFFIXES: dict[str, Format] = {".html": "html", ".htm": "html", ".md": "markdown", ".json": "json"}
+Format = Literal["html", "markdown", "json", "latex"]
+_SUFFIXES: dict[str, Format] = {
+    ".html": "html", ".htm": "html", ".md": "markdown", ".json": "json", ".tex": "latex",
+}  # fmt: skip
 
 
 def write_report(
     path: str | os.PathLike[str],
     run: str | os.PathLike[str],
     *,
-    format: Literal["html", "markdown", "json"] | None = None,
+    format: Literal["html", "markdown", "json", "latex"] | None = None,
     title: str | None = None,
     star_labels: Sequence[str] | None = None,
+    classes: Sequence[str] | None = None,
+    compare: str | os.PathLike[str] | None = None,
     n_views: int = 12,
     n_worst: int = 10,
     max_megabytes: float = 40.0,
@@ -41,13 +48,20 @@ def write_report(
     run : str or os.PathLike
         Folder or URL that `evaluate` wrote. Its table is read, the thumbnails and views the table names, and which
         files were left out, from `settings.json`; never a mesh.
-    format : {"html", "markdown", "json"}, optional
-        By default from the suffix of `path`: .html, .md or .json.
+    format : {"html", "markdown", "json", "latex"}, optional
+        By default from the suffix of `path`: .html, .md, .json or .tex. LaTeX is tables for the package booktabs, and
+        beside them each figure as ``.pdf`` and ``.svg``, drawn by Matplotlib.
     title : str, optional
         Words above the report; the name of the run by default.
     star_labels : sequence of str, optional
         Labels that mean star-shaped; all others then mean that it is not. By default labels such as "star" and
         "not star-shaped" are understood when there are no others.
+    classes : sequence of str, optional
+        Classes by thresholds, such as "nearly star-shaped: defect<0.01"; a row belongs to the first whose comparisons
+        (of scores or columns of numbers, all must hold) are true. They are counted, against the labels too.
+    compare : str or os.PathLike, optional
+        Another run, usually an earlier one, that this one is held against: changed verdicts, regressions, how far
+        scores moved.
     n_views : int
         How many shapes the page lets a reader turn in 3D, at most; those the run has views of.
     n_worst : int
@@ -63,8 +77,8 @@ def write_report(
     Raises
     ------
     ValueError
-        If the format is unknown, a count is negative, a star label is not in the run, or its table or
-        `settings.json` is damaged.
+        If the format is unknown, a count is negative, a star label is not in the run, a class cannot be read, or its
+        table or `settings.json` is damaged.
     FileNotFoundError
         If there is no run, or no folder for the report.
     OSError
@@ -101,18 +115,22 @@ def write_report(
     where = os.fspath(run)
     heading = title if title is not None else _name_of(where)
     with closing(open_run_index(where)) as index:
-        return _written(target, kind, index, where, heading, star_labels, n_views, n_worst, int(max_megabytes * 1e6))
+        return _written(
+            target, kind, index, where, heading, star_labels, classes, compare, n_views, n_worst,
+            int(max_megabytes * 1e6),
+        )  # fmt: skip
 
 
 def _written(
     target: Path, kind: Format, index: RunIndex, where: str, heading: str, star_labels: Sequence[str] | None,
-    n_views: int, n_worst: int, max_bytes: int,
+    classes: Sequence[str] | None, compare: str | os.PathLike[str] | None, n_views: int, n_worst: int, max_bytes: int,
 ) -> dict[str, Any]:  # fmt: skip
     from voxkernel.report.summary import read_left_out, summarize
 
     rows = from_index(index)
     left_out = read_left_out(where)
-    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels)
+    rows, more = _extended(rows, where, classes, compare)
+    summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels) | more
     document = _document(summary)
     if kind == "json":
         text = json_text({"title": heading, **document}, indent=1) + "\n"
@@ -120,15 +138,56 @@ def _written(
         from voxkernel.report.markdown import render_markdown
 
         text = render_markdown(summary, title=heading)
+    elif kind == "latex":
+        from voxkernel.report.figures import write_figures
+        from voxkernel.report.latex import render_latex
+
+        figures = write_figures(target, rows, summary)
+        text = render_latex(summary, title=heading, figures=figures)
     else:
         shown, beside = rows, ""
         if rows.n > MOST_ROWS:
-            shown = from_table(index.rows(rows_to_show(rows, MOST_ROWS)))
+            shown = _part(rows, index, rows_to_show(rows, MOST_ROWS))
             beside = write_whole_table(target, index).name
         text = _page(rows, shown, beside, summary, where, heading, star_labels, n_views, max_bytes)
     with whole_file(target) as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
     return document
+
+
+def _part(rows: ReportRows, index: RunIndex, ids: NDArray[np.int64]) -> ReportRows:
+    """Read some rows at once, with the columns that classes and another run bring."""
+    part = from_table(index.rows(ids))
+    texts = {name: rows.texts[name].taken(ids) for name in rows.texts if name not in part.texts}
+    numbers = {name: rows.numbers[name][ids] for name in rows.numbers if name not in part.numbers}
+    return part.with_columns(texts, numbers)
+
+
+def _extended(
+    rows: ReportRows, run: str, classes: Sequence[str] | None, compare: str | os.PathLike[str] | None
+) -> tuple[ReportRows, dict[str, Any]]:
+    """Rows with the columns, and the parts of the summary, that classes and another run bring."""
+    more: dict[str, Any] = {"classes": None, "comparison": None}
+    if classes is not None:
+        from voxkernel.report.classes import class_rules, class_summary, with_classes
+
+        rules = class_rules(classes)
+        rows = with_classes(rows, rules)
+        more["classes"] = class_summary(rows, rules)
+    if compare is not None:
+        from voxkernel.report.compare import comparison, comparison_charts, matched, with_changes
+
+        other = os.fspath(compare)
+        names = _name_of(run), _name_of(other)
+        if names[0] == names[1]:
+            names = run, other
+        with closing(open_run_index(other)) as index:
+            before = from_index(index)
+            pairs, matched_by = matched(rows, before)
+            more["comparison"] = comparison(rows, before, pairs, matched_by=matched_by, names=names)
+            more["comparison"]["charts"] = comparison_charts(rows, before, pairs)
+            rows = with_changes(rows, before, pairs)
+    return rows, more
 
 
 def _page(
@@ -151,7 +210,7 @@ def _page(
 def _format_of(target: Path, format: str | None) -> Format:
     if format is None:
         if target.suffix.lower() not in _SUFFIXES:
-            raise ValueError(f"`path` must end in .html, .md or .json, or `format` be given; got '{target.name}'")
+            raise ValueError(f"`path` must end in .html, .md, .json or .tex, or `format` be given; got '{target.name}'")
         return _SUFFIXES[target.suffix.lower()]
     if format not in get_args(Format):
         raise ValueError(f"`format` must be one of {', '.join(get_args(Format))}; got '{format}'")
@@ -159,7 +218,10 @@ def _format_of(target: Path, format: str | None) -> Format:
 
 
 def _document(summary: dict[str, Any]) -> dict[str, Any]:
-    """Leave the points of the ROC curves out: they are for the drawing."""
+    """Leave the points of curves and the charts out: they are for the drawing."""
+    if summary["comparison"] is not None:
+        own = {name: value for name, value in summary["comparison"].items() if name != "charts"}
+        summary = {**summary, "comparison": own}
     labels = summary["labels"]
     if labels is not None:
         roc = [

@@ -2,7 +2,8 @@
 (() => {
 const byId = (id) => document.getElementById(id);
 const data = JSON.parse(byId("rows").textContent);
-const shown = data.columns.filter((c) => c.width);
+const wide = data.columns.filter((c) => c.width);
+let shown = [];
 const column = Object.fromEntries(data.columns.map((c) => [c.key, c]));
 const ROW = 53, SPARE = 8;
 const CSS = { "star-shaped": "star", degenerate: "flat", "not star-shaped": "not", failed: "failed" };
@@ -47,21 +48,35 @@ const alive = new Map();
 const extra = (data.pictures.length ? 1 : 0) + 1;
 for (const pad of [above, below]) {
   pad.setAttribute("aria-hidden", "true");
-  const cell = element("td"); cell.colSpan = shown.length + extra; pad.append(cell);
+  pad.append(element("td"));
 }
 body.append(above, below);
 function heading(words, width) { const th = element("th"); th.scope = "col"; th.style.width = width; if (words) th.append(element("span", "", words)); return th; }
 const head = byId("head");
-if (data.pictures.length) head.append(heading("Shape", "84px"));
-for (const c of shown) {
-  const th = heading("", c.width), button = element("button", "", c.title);
-  button.type = "button"; button.title = c.hint || "";
-  if (c.kind === "number") th.className = "n";
-  th.dataset.key = c.key; th.setAttribute("aria-sort", "none"); th.append(button); head.append(th);
-  button.addEventListener("click", () => { rising = sortKey === c.key ? !rising : c.kind === "text"; sortKey = c.key; update(); });
+const empty = (v) => v === null || v === undefined || v === "";
+const columnsOf = {};
+// Columns that rows of this kind have: those of surfaces are not empty columns of cells.
+function useColumns(kind) {
+  columnsOf[kind] ??= wide.filter((c) => !kind || c.key === "file" || data.kinds.some((k, i) => k === kind && !empty(value(c, i))));
+  const own = columnsOf[kind];
+  if (shown === own) return;
+  shown = own;
+  for (const tr of alive.values()) tr.remove();
+  alive.clear();
+  for (const pad of [above, below]) pad.firstChild.colSpan = shown.length + extra;
+  head.replaceChildren();
+  if (data.pictures.length) head.append(heading("Shape", "84px"));
+  for (const c of shown) {
+    const th = heading("", c.width), button = element("button", "", c.title);
+    button.type = "button"; button.title = c.hint || "";
+    if (c.kind === "number") th.className = "n";
+    th.dataset.key = c.key; th.setAttribute("aria-sort", "none"); th.append(button); head.append(th);
+    button.addEventListener("click", () => { rising = sortKey === c.key ? !rising : c.kind === "text"; sortKey = c.key; update(); });
+  }
+  head.append(heading("Look", "104px"));
+  const hidden = wide.filter((c) => !shown.includes(c)).reduce((sum, c) => sum + (parseInt(c.width) || 0), 0);
+  byId("table").style.setProperty("--wide", data.wide - hidden + "px");
 }
-head.append(heading("Look", "104px"));
-byId("table").style.setProperty("--wide", data.wide + "px");
 
 function makeRow(i, place) {
   const tr = element("tr"); tr.dataset.row = i;
@@ -108,6 +123,7 @@ frame.addEventListener("scroll", later, { passive: true });
 new ResizeObserver(later).observe(frame);
 addEventListener("beforeprint", () => draw(200));
 addEventListener("afterprint", () => draw());
+byId("print-all").addEventListener("change", (e) => { document.documentElement.dataset.print = e.target.checked ? "all" : "one"; });
 
 // ---------------------------------------------------------------- filter and sort
 const search = byId("search"), outcome = byId("outcome"), label = byId("label"), sort = byId("kind");
@@ -127,7 +143,7 @@ function comparison(word) {
   return { test: (i) => { const v = value(c, i); return v !== null && v !== undefined && ok(v); } };
 }
 const haystack = new Array(data.n);
-for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
+for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes", "class", "before"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
 for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
 label.closest("label").hidden = data.labels.length < 2;
 const collator = new Intl.Collator("en", { numeric: true });
@@ -144,6 +160,7 @@ function update() {
   const kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null, tests = words.map(comparison);
   const wanted = words.filter((_, k) => !tests[k]).map((w) => w.toLowerCase()), compared = tests.filter((t) => t && t.test);
   const unknown = tests.filter((t) => t && t.unknown).map((t) => t.unknown);
+  useColumns(data.kinds.length ? sort.value : "");
   order = [];
   for (let i = 0; i < data.n; i++) {
     if (kind && value(column.outcome, i) !== kind) continue;
