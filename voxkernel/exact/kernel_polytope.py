@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_points, read_only
 from voxkernel._frozen import Frozen
 from voxkernel._plain import json_text
+from voxkernel._viewing import plot_kernel
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate, Proof
 from voxkernel.exact.meeting_points import meeting_points
@@ -223,6 +224,8 @@ class KernelPolytope(Frozen):
             target.write_text(json_text(self.to_dict(), indent=2) + "\n", encoding="utf-8")
         else:
             raise ValueError(f"`path` must end in .ply or .json for a polytope; got {os.fspath(path)!r}")
+
+    plot = plot_kernel
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_facet_ids, as_integers, as_nonnegative, as_points, check_index_range, read_only
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
+from voxkernel._viewing import plot_mesh
 from voxkernel.errors import MeshError
 from voxkernel.mesh.affine import affine_image, as_affine
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
@@ -488,6 +489,8 @@ class TriangleMesh(Frozen):
         from voxkernel.mesh.files import write_triangles
 
         write_triangles(path, self.vertices, self.faces)
+
+    plot = plot_mesh
 
     def __repr__(self) -> str:
         counts = f"{len(self.vertices)} vertices, {len(self.faces)} faces, {self.n_facets} facets"

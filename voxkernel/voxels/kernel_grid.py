@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_choice, as_depth, as_points, as_real
 from voxkernel._frozen import Frozen
 from voxkernel._version import __version__
+from voxkernel._viewing import plot_kernel
 from voxkernel.errors import GridReadError
 from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.grid import SparseGrid, to_surface, write_npz
@@ -220,6 +221,8 @@ class KernelGrid(Frozen):
             If no voxel is inside.
         """
         return TriangleMesh.from_triangles(*to_surface(self.inside), source="kernel grid")
+
+    plot = plot_kernel
 
     def to_grids(self) -> dict[str, SparseGrid]:
         """Give both grids by name, in the order of files: "inside", "boundary"."""
