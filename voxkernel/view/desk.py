@@ -19,10 +19,7 @@ __all__ = ["Desk"]
 
 _CLIENT = Path(__file__).parent / "client"
 _AXES = {"x": 0, "y": 1, "z": 2}
-_PICTURE_TAIL = (
-    '<button type="button" id="vk-probe" aria-label="probe: drag it, or use arrow keys and page up and down"></button>'
-    '<div id="vk-gone" v-if="tts < 0">the viewer has ended</div>'
-)
+_RING = '<button id="vk-probe" type="button" aria-label="probe: drag it, or use arrow and page keys"></button>'
 
 
 class Desk:
@@ -75,7 +72,7 @@ class Desk:
             with html.Div(id="vk"):
                 with html.Div(id="vk-picture") as picture:
                     self._view = vtk.VtkLocalView(self._stage.window, ref="view")
-                    picture.add_child(_PICTURE_TAIL)
+                    picture.add_child(_RING)
                 with html.Div(id="vk-panel") as panel:
                     panel.add_child((_CLIENT / "panel.html").read_text(encoding="utf-8"))
 

@@ -23,7 +23,7 @@ _CLOSE = 1e-4  # a hit this close before the middle of a triangle is the triangl
 
 
 class Facing(NamedTuple):
-    """Which triangles have their back to a point, their share of the area, and how deep the point lies in the kernel."""
+    """Which triangles have their back to a point, their share of the area, how deep the point lies in the kernel."""
 
     away: NDArray[np.bool_]
     violation: float

@@ -17,7 +17,7 @@ __all__ = ["HIDDEN", "PROOF", "Stage"]
 
 # Red is what the probe does not face, so that the facets of the proof have a colour of their own.
 HIDDEN, PROOF, PROBE = "#3d5a80", "#f0c000", "#1d2733"
-_ANGLE = 25.0  # of the camera, degrees
+_ANGLE = 30.0  # of the browser's camera, degrees
 _ASPECT = 1.2  # of the picture, in a window of usual size
 _BALL = 0.014  # radius of guards, in diagonals
 

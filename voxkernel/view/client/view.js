@@ -91,8 +91,8 @@
       event.stopPropagation();
       move(...ways[event.key], true);
     });
-    first = view.getCamera();
-    document.getElementById("vk-reset").addEventListener("click", () => view.setCamera(first));
+    first = structuredClone(view.getCamera()); // its arrays are those of the camera
+    document.getElementById("vk-reset").addEventListener("click", () => view.setCamera(structuredClone(first)));
     document.documentElement.dataset.ready = "yes";
   }
 
