@@ -33,6 +33,7 @@ def test_a_notebook_holds_no_outputs_and_is_in_the_contents(path):
     assert f"made/notebooks/{path.stem}\n" in (DOCS / "index.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow  # the build of the site runs them always
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_a_notebook_runs_and_becomes_a_page(path, notebooks, tmp_path, monkeypatch):
     pytest.importorskip("nbclient", reason="nbclient is not installed")

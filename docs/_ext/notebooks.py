@@ -1,6 +1,7 @@
 """Notebooks of ``docs/notebooks``, run and written as pages: they lie in the repository without outputs."""
 
 import base64
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ def executed(path: Path) -> Any:
 
     notebook: Any = nbformat.read(path, as_version=4)
     client = nbclient.NotebookClient(notebook, timeout=_SECONDS, kernel_name="python3")
+    os.environ["OPEN3D_DISABLE_WEB_VISUALIZER"] = "true"  # it would tell the page that it found a notebook
     client.execute(cwd=str(path.parent))
     return notebook
 

@@ -4,6 +4,8 @@ import json
 import os
 import re
 import shutil
+import socket
+import sys
 import warnings
 
 import numpy as np
@@ -67,6 +69,7 @@ def test_an_empty_kernel_shows_the_facets_of_its_proof(tmp_path):
     assert "facets of the proof" in [trace.get("name") for trace in traces]
 
 
+@pytest.mark.slow
 def test_the_slider_moves_in_a_browser(written):
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
@@ -76,7 +79,8 @@ def test_the_slider_moves_in_a_browser(written):
         browser = driver.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
         )
-        page = browser.new_page(viewport={"width": 900, "height": 640})
+        page = browser.new_page(viewport={"width": 700, "height": 500})
+        page.set_default_timeout(120_000)
         page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         own = ("file:", "data:", "blob:")
@@ -172,16 +176,37 @@ def viewer(prism):
             yield viewer
 
 
-def test_plot_serves_from_a_process_of_its_own(viewer, prism):
+@pytest.fixture
+def taken():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        yield other.getsockname()[1]
+
+
+def test_a_port_that_is_taken_is_one_line(prism, taken, capsys):
+    assert main(["view", "never-read.ply", "--no-browser", "--port", str(taken)]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert re.fullmatch(rf"voxkernel: error: --port must be free; got {taken}: .*in use\n", said.err)
+    with pytest.raises(ValueError, match=rf"`port` must be free; got {taken}: .*in use"):
+        prism.plot(port=taken)
+
+
+def test_what_hinders_the_process_is_said(prism, monkeypatch):
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
+    with pytest.raises(voxkernel.SolverError, match="the viewer did not start: its process ended"):
+        prism.plot(tolerances=[0.1], depth=3, browser=False)
+
+
+@pytest.mark.slow
+def test_plot_serves_from_a_process_of_its_own(viewer):
     import urllib.request
 
     assert viewer.is_open
     assert repr(viewer) == f"Viewer({viewer.url!r}, open)"
     assert f'<iframe src="{viewer.url}"' in viewer._repr_html_()
     assert b"<html" in urllib.request.urlopen(viewer.url, timeout=20).read()
-    port = int(viewer.url.split("/")[2].split(":")[1])
-    with pytest.raises(voxkernel.SolverError, match=r"the viewer did not start: .*in use"):
-        prism.plot(tolerances=[0.1], depth=3, browser=False, port=port)
     viewer.close()
     assert not viewer.is_open
     assert "closed" in viewer._repr_html_()

@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel._extras import check_installed
     from voxkernel.errors import MissingExtraError
     from voxkernel.mesh import as_mesh
+    from voxkernel.view.loopback import free_port
     from voxkernel.view.shown import gathered
     from voxkernel.view.slider_page import write_slider_page
     from voxkernel.view.viewer import instead_of_viewer
@@ -63,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
             raise
         missing = error
         check_installed("plotly")
+    if output is None and missing is None:
+        free_port(args.port)
     with args.stage(f"reading {display(args.mesh)}"):
         mesh = as_mesh(args.mesh)
     found: Any = None

@@ -36,8 +36,10 @@ class Desk:
         self._fill_state()
         self._build()
         self._connect()
-        self._settle()
-        self._done |= {"stop": 0, "rays": True, "opacity": 0.4, "show": (True, True, True)}
+        self._tell()  # rays are cast when the first browser is there: Open3D takes seconds to import
+        self._done |= {
+            "stop": 0, "rays": True, "opacity": 0.4, "show": (True, True, True), "section": ("", 0.5, False),
+        }  # fmt: skip
 
     def close(self) -> None:
         """Let VTK go."""
@@ -93,6 +95,7 @@ class Desk:
         state.change("lines", "witness", "guards")(self._on_show)
         control.trigger("probe")(self._on_probe)
         control.trigger("place")(self._on_place)
+        control.trigger("begin")(self._on_begin)
         control.trigger("to_center")(lambda: self._move(self.shown.center.point, settled=True))
         control.trigger("to_deepest")(lambda: self._move(np.array(self.shown.start), settled=True))
 
@@ -136,6 +139,11 @@ class Desk:
     def _on_probe(self, local: Any, settled: Any) -> None:
         """Move to a point in the frame of the picture."""
         self._move(self._stage.to_world(np.array(local, dtype=np.float64)), settled=bool(settled))
+
+    def _on_begin(self) -> None:
+        if self._sight is None:
+            self._settle()
+            self._push()
 
     def _on_place(self, axis: Any, value: Any) -> None:
         """Move to a typed coordinate."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import signal
 import sys
 import webbrowser
 from collections.abc import Callable, Generator
@@ -14,11 +15,10 @@ from typing import Any
 
 from voxkernel._extras import optional
 from voxkernel.view.desk import Desk
+from voxkernel.view.loopback import HOST
 from voxkernel.view.shown import Shown
 
-__all__ = ["HOST", "serve"]
-
-HOST = "127.0.0.1"
+__all__ = ["serve"]
 
 
 def serve(
@@ -36,13 +36,18 @@ def serve(
     server = get_server(f"voxkernel-{secrets.token_hex(4)}")
     desk = Desk(server, shown)
     try:
-        asyncio.run(_run(server, port, browser, ready, until))
+        interrupted = asyncio.run(_run(server, port, browser, ready, until))
     finally:
         desk.close()
+    if interrupted:
+        raise KeyboardInterrupt
 
 
-async def _run(server: Any, port: int, browser: bool, ready: Any, until: Any) -> None:
+async def _run(server: Any, port: int, browser: bool, ready: Any, until: Any) -> bool:
+    """Serve; whether it was an interrupt that ended it."""
     import asyncio
+
+    interrupt = _interrupts()
 
     password, token = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
     routes = partial(_add_routes, port=lambda: server.port, password=password, token=token)
@@ -64,12 +69,27 @@ async def _run(server: Any, port: int, browser: bool, ready: Any, until: Any) ->
             ready(address)
         if browser:
             webbrowser.open(address)
-        await asyncio.wait({running, *(() if until is None else (asyncio.ensure_future(until()),))},
-                           return_when=asyncio.FIRST_COMPLETED)  # fmt: skip
+        ends = {running, asyncio.ensure_future(interrupt.wait())}
+        if until is not None:
+            ends.add(asyncio.ensure_future(until()))
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        return interrupt.is_set()
     finally:
         if not running.done():
             await server.stop()
             await asyncio.wait({running}, timeout=2.0)
+
+
+def _interrupts() -> Any:
+    """An event that Ctrl-C and SIGTERM set, so that nothing is torn down halfway; those that are ignored stay so."""
+    import asyncio
+
+    event, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            with contextlib.suppress(NotImplementedError, ValueError, RuntimeError):  # Windows, or another thread
+                loop.add_signal_handler(number, event.set)
+    return event
 
 
 def _add_routes(bound: Any, port: Callable[[], int], password: str, token: str) -> None:

@@ -93,14 +93,18 @@ def write_slider_page(path: Path, shown: Shown) -> None:
         "currentvalue": {"prefix": "area that may be turned away: "},
     }  # fmt: skip
     hidden = {"visible": False}
-    view = scenes[0].view
-    camera = {"eye": _xyz(1.5 * view), "up": _xyz(scenes[0].up)}
+    extents = np.ptp(scenes[0].points, axis=0)
+    ratio = np.maximum(extents / extents.max(), 1e-3)
+    camera = {"eye": _xyz(1.05 * float(np.linalg.norm(ratio)) * scenes[0].view), "up": _xyz(scenes[0].up)}
     figure.update_layout(
         title=heading(shown.title, shown.stop_words(0)), sliders=[slider] if len(steps) > 1 else [],
-        scene={"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data", "camera": camera},
+        scene={
+            "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "manual", "aspectratio": _xyz(ratio),
+            "camera": camera,
+        },
         margin={"l": 0, "r": 0, "t": 90, "b": 0}, paper_bgcolor="white",
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
-        legend={"x": 0.99, "xanchor": "right", "y": 0.02, "yanchor": "bottom", "bgcolor": "rgba(255,255,255,0.8)"},
+        legend={"x": 0.99, "xanchor": "right", "y": 0.97, "yanchor": "top", "bgcolor": "rgba(255,255,255,0.8)"},
     )  # fmt: skip
     save_page(path, figure, shown.title, style="overflow:hidden")
 
@@ -135,7 +139,7 @@ def _of_kernel(go: Any, scene: Scene, name: str) -> list[Any]:
 def _mesh(go: Any, vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str, color: str, **style: Any) -> Any:
     x, y, z = vertices.T
     i, j, k = faces.T.astype(np.int32)
-    light = {"ambient": 0.5, "diffuse": 0.75, "specular": 0.15, "facenormalsepsilon": 0, "vertexnormalsepsilon": 0}
+    light = {"ambient": 0.62, "diffuse": 0.75, "specular": 0.15, "facenormalsepsilon": 0, "vertexnormalsepsilon": 0}
     return go.Mesh3d(
         x=x, y=y, z=z, i=i, j=j, k=k, color=color, name=name, showlegend=True, hoverinfo="name", lighting=light, **style
     )

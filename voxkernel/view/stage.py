@@ -195,7 +195,8 @@ class Stage:
         """Of each facet of the proof a piece of its plane, and an arrow to its inner side."""
         parts: list[Any] = []
         for center, inward in zip(self.to_local(scene.witness_centers), scene.witness_inward, strict=True):
-            parts.append(self._pv.Disc(center=center, inner=0.0, outer=0.05, normal=inward, r_res=1, c_res=40))
+            above = center + 0.002 * inward  # not in the plane of the facet, where both would flicker
+            parts.append(self._pv.Disc(center=above, inner=0.0, outer=0.05, normal=inward, r_res=1, c_res=40))
             parts.append(
                 self._pv.Arrow(
                     start=center, direction=inward, scale=0.14, tip_length=0.3, tip_radius=0.09, shaft_radius=0.03

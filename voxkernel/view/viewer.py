@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import voxkernel
-from voxkernel._checks import as_depth
 from voxkernel._extras import check_installed
 from voxkernel.errors import MissingExtraError, SolverError
 from voxkernel.exact import Kernel
 from voxkernel.guarding import Guards
 from voxkernel.mesh import MeshLike
+from voxkernel.view.loopback import free_port
 from voxkernel.view.shown import Shown, gathered
 from voxkernel.view.slider_page import write_slider_page
 
@@ -132,9 +132,9 @@ def open_viewer(
     Raises
     ------
     MeshError, MeshReadError, TypeError, ValueError
-        If the surface or a number cannot be used.
+        If the surface or a number cannot be used, or the port is taken.
     SolverError
-        If the server does not start, as on a port that is taken.
+        If the server does not start.
 
     Notes
     -----
@@ -149,7 +149,7 @@ def open_viewer(
     ...     print(viewer.url)
     http://127.0.0.1:41753/f3Vq.../
     """
-    number = as_depth("port", port, 0, 65535)
+    number = free_port(port)
     shown = gathered(
         surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title
     )

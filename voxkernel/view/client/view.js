@@ -94,6 +94,7 @@
     first = structuredClone(view.getCamera()); // its arrays are those of the camera
     document.getElementById("vk-reset").addEventListener("click", () => view.setCamera(structuredClone(first)));
     document.documentElement.dataset.ready = "yes";
+    trame.trigger("begin");
   }
 
   requestAnimationFrame(follow);
