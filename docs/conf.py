@@ -24,8 +24,12 @@ extensions = [
     "api_pages",
     "gallery_tools",
     "mathml",
+    "notebooks",
 ]
-exclude_patterns = ["_build", "_ext", "gallery", "gallery_data", "made/**/sg_execution_times.rst", "**/README.*"]
+exclude_patterns = [
+    *("_build", "_ext", "gallery", "gallery_data", "notebooks"),
+    *("made/**/sg_execution_times.rst", "**/README.*"),
+]
 default_role = "public-name"
 nitpicky = False
 

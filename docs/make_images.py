@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import runpy
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -28,11 +29,15 @@ SCRIPTS = {
     "time_against_depth": "gallery/plot_benchmarks.py",
     "time_against_facets": "gallery/plot_benchmarks.py",
     "vdb_volume": "gallery/plot_vdb_volume.py",
+    "viewer": "viewer",
 }
 
 
 def draw(script: str) -> None:
     """Run a gallery script in the current folder, or draw the picture of the README."""
+    if script == "viewer":
+        photograph()
+        return
     if script:
         runpy.run_path(str(HERE / script), run_name="drawn")
         return
@@ -42,6 +47,28 @@ def draw(script: str) -> None:
 
     mesh = urchin()
     surface_picture("urchin_kernel.png", mesh, voxkernel.exact_kernel(mesh), title="", size=(1400, 900))
+
+
+def photograph() -> None:
+    """Take a picture of the viewer in Chromium, with the probe moved and a relaxed kernel."""
+    from playwright.sync_api import sync_playwright
+
+    import voxkernel
+    from voxkernel.demo_shapes import torus
+
+    mesh = voxkernel.as_mesh(torus())
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    with mesh.plot(title="torus", depth=7, browser=False) as viewer, sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        page = browser.new_page(viewport={"width": 1100, "height": 740})
+        page.goto(viewer.url)
+        page.wait_for_selector("html[data-ready=yes]")
+        page.locator("#vk-stop").fill("3")
+        page.wait_for_timeout(3000)
+        page.screenshot(path="viewer.png")
+        browser.close()
 
 
 def main(names: list[str]) -> int:
@@ -63,6 +90,9 @@ def main(names: list[str]) -> int:
                 with Image.open(work / f"{name}.png") as picture:
                     small = picture.convert("RGB")
                 small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
+                if name == "viewer":  # few pixels tell what its colours mean
+                    small.save(HERE / "images" / f"{name}.png", optimize=True)
+                    continue
                 small.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / "images" / f"{name}.png", optimize=True)
                 print(f"images/{name}.png")
             os.chdir(HERE)

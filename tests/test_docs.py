@@ -102,7 +102,7 @@ def test_links_lead_somewhere(path):
         target = link.split("#")[0]
         if not target or re.match(r"[a-z]+:", target):
             continue
-        inside = re.match(r"(?:\.\./)*made/(gallery|api)/(.*?)(?:\.rst)?$", target)
+        inside = re.match(r"(?:\.\./)*made/(gallery|api|notebooks)/(.*?)(?:\.rst|\.md)?$", target)
         if inside:
             assert is_made(*inside.groups()), f"{link}: no such page is made"
         else:
@@ -113,6 +113,8 @@ def is_made(part, name):
     """Whether the site's build makes that page."""
     if part == "gallery":
         return name == "index" or (DOCS / "gallery" / f"{name}.py").exists()
+    if part == "notebooks":
+        return (DOCS / "notebooks" / f"{name}.ipynb").exists()
     stem = name.split("/")[-1].removeprefix("module_")
     return name == "index" or stem in voxkernel.__all__ or name.startswith(("classes/", "module_"))
 

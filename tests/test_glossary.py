@@ -15,11 +15,12 @@ from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.polyhedral import PolyhedralMesh
 from voxkernel.registration import prepare_surface
+from voxkernel.view import open_viewer, slider_page
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "glossary.md"
 FACES = (
     "mesh", "halfspaces", "exact", "relaxed", "grid", "vdb", "voxels", "guarding", "measures", "spherical",
-    "registration", "polyhedral", "labels", "large", "pictures", "evaluation", "report",
+    "registration", "polyhedral", "labels", "large", "pictures", "view", "evaluation", "report",
 )  # fmt: skip
 REQUIRED = "required"
 
@@ -144,10 +145,12 @@ CALLS = {
     "star_polyhedra_kernels": lambda **o: voxkernel.star_polyhedra_kernels(
         np.zeros((1, 3)), np.ones((1, 6)), np.vstack([np.eye(3), -np.eye(3)]), **o
     ),
+    "open_viewer": lambda **o: open_viewer(CUBE, browser=False, **o),
     "prepare_surface": lambda **o: prepare_surface(CUBE, **o),
     "register": lambda **o: voxkernel.register(CUBE, CUBE, **o),
     "register_many": lambda **o: voxkernel.register_many([CUBE, CUBE], **o),
     "register_together": lambda **o: voxkernel.register_together([CUBE, CUBE], **o),
+    "slider_page": lambda **o: slider_page("never.html", CUBE, **o),
     "spherical_map": lambda **o: voxkernel.spherical_map(CUBE, **o),
     "starshapeness": lambda **o: voxkernel.starshapeness(CUBE, **o),
     "violation": lambda **o: voxkernel.violation(CUBE, [[0, 0, 0]], **o),

@@ -15,8 +15,8 @@ from voxkernel._extras import EXTRAS
 PACKAGE = Path(voxkernel.__file__).parent
 # Top to bottom: a row imports from rows above it, and one that has words beside it from those and the ground only.
 GROUND = (
-    "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_frozen", "_plain", "_input_file",
-    "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml",
+    "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_notebook", "_thumbnail",
+    "_frozen", "_plain", "_input_file", "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml", "_viewing",
 )  # fmt: skip
 FOLDERS = {
     "mesh": None,
@@ -34,6 +34,7 @@ FOLDERS = {
     "polyhedral": None,
     "labels": None,
     "pictures": None,
+    "view": None,
     "run_table": "",
     "run_index": "run_table",
     "evaluation": None,
@@ -48,6 +49,7 @@ HEAVY = {
     "open3d", "pymeshlab", "plotly", "pyvista", "vtk", "vtkmodules", "trimesh", "meshio", "pyarrow", "pandas",
     "dask", "distributed", "fsspec", "jinja2", "rich", "PIL", "matplotlib", "scipy", "libusb_package", "asyncio",
     "tifffile", "nibabel", "nrrd", "h5py", "zarr",
+    "trame", "trame_vtk", "aiohttp",
 }  # fmt: skip
 # Packages of extras are imported by `optional`; the child of `mesh` that reads files by PyMeshLab knows nothing of it.
 MAY_IMPORT = {"mesh.meshlab_child": {"pymeshlab"}}

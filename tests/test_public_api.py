@@ -218,8 +218,8 @@ def test_every_class_a_public_name_leads_to_is_public():
         import api_pages
     finally:
         sys.path.pop(0)
-    # These stand on the pages of `voxkernel.grid` and `voxkernel.registration`.
-    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Rim", "Samples", "Skin"}
+    # These stand on the pages of `voxkernel.grid`, `voxkernel.registration` and `voxkernel.view`.
+    assert set(api_pages.result_classes()) == {"NamedGrids", "PreparedSurface", "Rim", "Samples", "Skin", "Viewer"}
 
 
 @pytest.mark.parametrize("name", [n for n in CALLABLES if n[0].islower()])

@@ -19,6 +19,7 @@ import shapes
 
 import voxkernel
 from voxkernel._frozen import Frozen
+from voxkernel._thumbnail import thumbnail
 from voxkernel.halfspaces import planes_domain
 from voxkernel.report.statistics import roc_curve
 
@@ -309,20 +310,93 @@ class _Cells(HTMLParser):
             self.rows[-1].append(data)
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+# Public classes without arrays; the others are in REAL.
+WITHOUT_ARRAYS = {
+    "EvaluateSettings": lambda _: voxkernel.EvaluateSettings(),
+    "EvaluationResult": lambda _: voxkernel.EvaluationResult("run", 3, 2, 1, 0, ()),
+    "GuardBound": lambda _: voxkernel.guards(CUBE, bound=True).bound,
+    "GuardsProgress": lambda _: voxkernel.GuardsProgress("search", 2, 0.5, 1.0),
+    "LabelImage": lambda _: label_image(),
+    "PackedSurfaces": lambda _: voxkernel.PackedSurfaces(*map(np.array, (*CUBE, [0, len(CUBE[1])]))),
+    "ReconstructionError": lambda _: voxkernel.ReconstructionError(0.5, 0.25),
+    "RepairChange": lambda _: voxkernel.repair(CUBE, merge_duplicates=True).changes[0],
+    "StreamProgress": lambda _: voxkernel.StreamProgress("reading", 1, 2, 0.5),
+    "StreamedSurface": lambda _: voxkernel.stream_mesh(CUBE),
+    "VisibleFraction": lambda _: voxkernel.visible_fraction(CUBE, [0.0, 0.0, 0.0]),
+}
+PICTURES = {"DefectProfile", "KernelGrid", "KernelPolytope", "TriangleMesh"}
+
+
+def fields_of(thing):
+    if dataclasses.is_dataclass(thing):
+        return [field.name for field in dataclasses.fields(thing) if field.repr and field.name[0] != "_"]
+    return list(thing._fields)
+
+
+def test_every_public_class_shows_itself_in_a_notebook():
+    public = {name for name in voxkernel.__all__ if inspect.isclass(getattr(voxkernel, name))}
+    errors = {name for name in public if issubclass(getattr(voxkernel, name), Exception)}
+    assert public - errors - {"Kernel"} == {*PUBLIC, *WITHOUT_ARRAYS}  # `Kernel` is a protocol
+
+
+@pytest.mark.parametrize("name", sorted({*PUBLIC, *WITHOUT_ARRAYS}))
 def test_notebooks_show_a_small_table(name, tmp_path):
-    thing = REAL[name](tmp_path)
+    thing = (REAL | WITHOUT_ARRAYS)[name](tmp_path)
     text = thing._repr_html_()
-    assert len(text) < 6000
     table = _Cells()
     table.feed(text)
-    assert table.tags <= {"table", "caption", "b", "tbody", "tr", "th", "td"}
-    shown = [f.name.replace("_", " ") for f in dataclasses.fields(thing) if f.repr and f.name[0] != "_"]
+    assert table.tags - {"img", "svg", "polyline"} <= {"table", "caption", "b", "tbody", "tr", "th", "td"}
+    assert bool(table.tags & {"img", "svg"}) == (name in PICTURES)
+    assert len(re.sub('src="[^"]*"', "", text)) < 6000
+    assert len(text) < 30_000
+    shown = [word.replace("_", " ") for word in fields_of(thing)]
     names = [row[0] for row in table.rows]
-    assert names == [word for word in shown if word in names]  # in order; what holds nothing is left out
+    of_fields = [word for word in names if word in shown]
+    assert names[: len(of_fields)] == of_fields == [word for word in shown if word in names]  # in order
     assert len(names) >= 2
-    assert all(row[1] for row in table.rows)
+    assert all(row[1] for row in table.rows)  # what holds nothing is left out
     assert f"<b>{name}</b>" in text
+
+
+def test_a_notebook_shows_what_proves_a_kernel():
+    for surface, kind in ((CUBE, "solid"), (shapes.torus(n_major=8, n_minor=6), "empty")):
+        table = _Cells()
+        table.feed(voxkernel.exact_kernel(surface)._repr_html_())
+        assert dict(table.rows)["certificate"].startswith(f"Certificate(kind='{kind}'")
+
+
+def pixels_of(text):
+    from base64 import b64decode
+    from io import BytesIO
+
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    data = re.search('src="data:image/png;base64,([^"]*)"', text)[1]
+    return np.asarray(image.open(BytesIO(b64decode(data))).convert("RGBA")).astype(int)
+
+
+def test_the_picture_of_a_cube_has_three_sides_and_a_clear_ground():
+    image = pixels_of(voxkernel.as_mesh(CUBE)._repr_html_())
+    assert image.shape == (150, 200, 4)
+    drawn = image[image[..., 3] > 0]
+    shades, counts = np.unique(drawn, axis=0, return_counts=True)
+    assert len(shades[counts > 0.1 * len(drawn)]) == 3
+    assert 0.2 < len(drawn) / (150 * 200) < 0.6
+    assert (image[[0, 0, -1, -1], [0, -1, 0, -1], 3] == 0).all()
+
+
+def test_pictures_have_the_colours_of_their_kernels():
+    exact, relaxed = grid(), voxkernel.voxel_kernel(CUBE, depth=4, tolerance=0.3)
+    for kernel, order in ((exact, [0, 1, 2]), (voxkernel.exact_kernel(CUBE), [0, 1, 2]), (relaxed, [0, 2, 1])):
+        image = pixels_of(kernel._repr_html_())
+        middle = image[image[..., 3] > 0][:, :3].mean(axis=0)
+        assert np.argsort(-middle).tolist() == order  # orange: red, green, blue; purple: red, blue, green
+
+
+def test_there_is_no_picture_of_what_is_huge_or_nothing():
+    assert "<img" not in voxkernel.exact_kernel(shapes.torus(n_major=8, n_minor=6))._repr_html_()
+    n = 2_000_001
+    many = thumbnail(np.eye(3), np.broadcast_to(np.arange(3), (n, 3)), (1, 2, 3))
+    assert many == thumbnail(np.zeros((3, 3)), np.array([[0, 1, 2]]), (1, 2, 3)) == ""
 
 
 def test_a_notebook_shows_the_answer_and_its_proof():
@@ -343,4 +417,4 @@ def test_what_a_notebook_shows_is_no_markup():
 
 
 def test_what_a_notebook_shows_of_a_large_mesh_is_small():
-    assert len(voxkernel.as_mesh(shapes.icosphere(5))._repr_html_()) < 6000
+    assert len(voxkernel.as_mesh(shapes.icosphere(5))._repr_html_()) < 30_000

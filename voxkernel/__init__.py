@@ -257,7 +257,7 @@ _HOMES = {
 }
 _FOLDERS = (
     "errors", "evaluation", "exact", "grid", "guarding", "halfspaces", "labels", "large", "measures", "mesh",
-    "pictures", "polyhedral", "registration", "relaxed", "report", "spherical", "vdb", "voxels",
+    "pictures", "polyhedral", "registration", "relaxed", "report", "spherical", "vdb", "view", "voxels",
 )  # fmt: skip
 
 

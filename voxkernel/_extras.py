@@ -10,6 +10,7 @@ __all__ = ["EXTRAS", "check_installed", "optional"]
 
 # By the name under which it is imported; pyproject.toml says the same of the names under which they are installed.
 EXTRAS = {
+    "aiohttp": "view",
     "blosc": "vdb",
     "cryptography": "datasets",
     "dask": "datasets",
@@ -28,6 +29,9 @@ EXTRAS = {
     "pyvista": "pictures",
     "rich": "datasets",
     "tifffile": "labels",
+    "trame": "view",
+    "trame_client": "view",
+    "trame_vtk": "view",
     "vtkmodules": "pictures",
     "zarr": "labels",
 }

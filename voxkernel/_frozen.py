@@ -14,16 +14,16 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._notebook import InNotebooks, short
+
 __all__ = ["Frozen"]
 
-_LONGEST = 60  # characters of one value in a repr
 # Words of types of fields that hold no array.
 _NUMBERS = frozenset({"bool", "int", "float", "str", "None", "class", "tuple", "Fraction"})
-_LONGEST_TEXT, _FEW = 200, 4  # characters, and numbers, in a cell of a table
 _PLAIN = frozenset({bool, int, float, str, type(None), Fraction, np.float64, np.int64})  # hold no array
 
 
-class Frozen:
+class Frozen(InNotebooks):
     """Base of the frozen dataclasses that hold arrays, themselves or in a part.
 
     Arrays are read-only after construction, `dataclasses.replace`, `copy.copy`, `copy.deepcopy` and a pickle, so also
@@ -56,22 +56,8 @@ class Frozen:
 
     def __repr__(self) -> str:
         """Name the fields; of arrays their type and shape."""
-        shown = [f"{p.name}={_short(getattr(self, p.name))}" for p in fields(self) if p.repr and p.name[0] != "_"]
+        shown = [f"{p.name}={short(getattr(self, p.name))}" for p in fields(self) if p.repr and p.name[0] != "_"]
         return f"{type(self).__name__}({', '.join(shown)})"
-
-    def _repr_html_(self) -> str:
-        """A small table for notebooks: fields that hold something, of all but the shortest arrays type and shape."""
-        from html import escape
-
-        shown = [(p.name, _cell(getattr(self, p.name))) for p in fields(self) if p.repr and p.name[0] != "_"]
-        rows = [(name, value) for name, value in shown if value]
-        body = "".join(
-            f'<tr><th style="text-align:left">{escape(name.replace("_", " "))}</th>'
-            f'<td style="text-align:left">{escape(value)}</td></tr>'
-            for name, value in rows
-        )
-        head = f'<caption style="text-align:left"><b>{type(self).__name__}</b></caption>'
-        return f'<table class="voxkernel">{head}<tbody>{body}</tbody></table>'
 
 
 _Reader = Callable[[Any], tuple[Any, ...]]
@@ -146,33 +132,3 @@ def _portable(value: Any) -> Any:
         if any(one is not two for one, two in zip(portable, items, strict=True)):
             return tuple(portable)
     return value
-
-
-def _cell(value: Any) -> str:
-    """One value within a table; "" for what says nothing."""
-    if value is None:
-        return ""
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, str | Frozen):
-        text = " ".join(str(value).split())
-        return text if len(text) <= _LONGEST_TEXT else text[: _LONGEST_TEXT - 1] + "…"
-    if isinstance(value, np.ndarray) and value.ndim == 1 and 0 < value.size <= _FEW and value.dtype.kind in "iuf":
-        return ", ".join(f"{v:.6g}" for v in value.tolist())
-    if isinstance(value, tuple | list):
-        items = cast("tuple[Any, ...]", value)
-        if len(items) <= _FEW and all(isinstance(v, int | float | str) for v in items):
-            return ", ".join(map(_cell, items))
-    return _short(value)
-
-
-def _short(value: Any) -> str:
-    """One value within a line."""
-    if isinstance(value, np.ndarray):
-        return f"{value.dtype} {tuple(int(n) for n in value.shape)}"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple | Mapping) and len(cast("tuple[Any, ...]", value)) > 4:
-        return f"{type(cast(object, value)).__name__} of {len(cast('tuple[Any, ...]', value))}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _LONGEST else f"<{type(value).__name__}>"

@@ -13,7 +13,7 @@ import voxkernel
 
 _SKIPPED = ("voxkernel._core", "voxkernel.cli")
 # Modules a user calls by their full name: every function in their `__all__` is documented as well.
-_NAMED = ("registration", "polyhedral", "pictures", "grid", "halfspaces", "demo_shapes", "errors")
+_NAMED = ("registration", "polyhedral", "pictures", "view", "grid", "halfspaces", "demo_shapes", "errors")
 
 
 def public_names() -> dict[str, Any]:

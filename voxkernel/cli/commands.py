@@ -26,7 +26,7 @@ __all__ = ["COMMANDS", "parsed", "parser", "run"]
 
 COMMANDS = (
     *("kernel", "center", "score", "guards", "sphere", "register", "labels", "evaluate", "report", "info", "repair"),
-    "demo",
+    *("view", "demo"),
 )
 _FAILED, _BAD_USAGE = 1, 2
 

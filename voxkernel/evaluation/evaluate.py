@@ -11,6 +11,7 @@ from typing import Any
 
 from voxkernel import run_table
 from voxkernel._extras import check_installed
+from voxkernel._notebook import InNotebooks
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
@@ -30,7 +31,7 @@ Show = Callable[[EvaluationProgress], None]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class EvaluationResult:
+class EvaluationResult(InNotebooks):
     """What became of a data set.
 
     Attributes

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
 from voxkernel._extras import optional
+from voxkernel._notebook import InNotebooks
 from voxkernel._plain import json_text
 from voxkernel.labels.label_stars import as_ray_counts
 
@@ -25,7 +26,7 @@ _RESULTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class EvaluateSettings:
+class EvaluateSettings(InNotebooks):
     """Settings of `voxkernel.evaluate`.
 
     The first ten and `guards` decide what is in a row: rows made with others are computed again. The rest may

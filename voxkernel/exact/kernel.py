@@ -72,6 +72,10 @@ class Kernel(Protocol):
         """Give its surface."""
         ...
 
+    def plot(self, surface: Any = None, **options: Any) -> Any:
+        """Show it in the browser, with the surface that it is the kernel of."""
+        ...
+
     def to_dict(self) -> dict[str, Any]:
         """Give what describes it as plain numbers and lists, ready for JSON."""
         ...

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_points, read_only
 from voxkernel._frozen import Frozen
 from voxkernel._plain import json_text
+from voxkernel._thumbnail import ORANGE, thumbnail
+from voxkernel._viewing import plot_kernel
 from voxkernel.errors import MeshError
 from voxkernel.exact.certificate import Certificate, Proof
 from voxkernel.exact.meeting_points import meeting_points
@@ -96,6 +98,15 @@ class KernelPolytope(Frozen):
             f"KernelPolytope(dimension={self.dimension}, vertices={len(self.vertices)}, "
             f"faces={len(self.face_facets)}, volume={self.volume:.6g})"
         )
+
+    def _more_rows(self) -> dict[str, Any]:
+        return {"certificate": self.certificate}
+
+    def _picture(self) -> str:
+        if self.dimension < 3 or not len(self.face_facets):
+            return ""
+        fans = [np.column_stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]]) for f in self.faces]
+        return thumbnail(self.vertices, np.concatenate(fans), ORANGE)
 
     @property
     def certificate(self) -> Certificate:
@@ -223,6 +234,8 @@ class KernelPolytope(Frozen):
             target.write_text(json_text(self.to_dict(), indent=2) + "\n", encoding="utf-8")
         else:
             raise ValueError(f"`path` must end in .ply or .json for a polytope; got {os.fspath(path)!r}")
+
+    plot = plot_kernel
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers and lists, ready for JSON; NaN becomes None."""

@@ -233,6 +233,9 @@ class SparseGrid(Frozen):
             _set(self, "_index", Cells(*map(read_only, cell_runs.cells_of(self._body))))
         return cast(Cells, self._index)
 
+    def _more_rows(self) -> dict[str, Any]:
+        return {"active voxels": f"{self.active_voxel_count:,}"}
+
     @property
     def is_mask(self) -> bool:
         """Whether the grid holds no values, only active voxels."""

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
+from voxkernel._notebook import InNotebooks
+
 __all__ = ["Clock", "GuardsProgress"]
 
 
 @dataclass(frozen=True, slots=True)
-class GuardsProgress:
+class GuardsProgress(InNotebooks):
     """Where a search for guards is.
 
     Attributes

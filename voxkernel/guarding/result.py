@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
+from voxkernel._notebook import InNotebooks
 from voxkernel._plain import plain
 from voxkernel.guarding.certificate import CertifiedParts
 from voxkernel.mesh import TriangleMesh
@@ -17,7 +18,7 @@ __all__ = ["GuardBound", "Guards"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class GuardBound:
+class GuardBound(InNotebooks):
     """How many guards are needed at least, anywhere inside a surface.
 
     Attributes

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from voxkernel._notebook import InNotebooks
 from voxkernel.large.surface_reader import SurfaceReader
 
 __all__ = ["StreamedSurface"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StreamedSurface:
+class StreamedSurface(InNotebooks):
     """A surface of triangles that is read in chunks, made by `stream_mesh`.
 
     Attributes
@@ -28,6 +30,10 @@ class StreamedSurface:
         n = self._reader.n_stored
         size = "" if n is None else f", {n:,} facets"
         return f"StreamedSurface({self.source}{size}, chunk_facets={self.chunk_facets})"
+
+    def _more_rows(self) -> dict[str, Any]:
+        n = self._reader.n_stored
+        return {"source": self.source, "facets": None if n is None else f"{n:,}", "chunk facets": self.chunk_facets}
 
     @property
     def source(self) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._core import coordinate_range, facet_planes
+from voxkernel._notebook import InNotebooks
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.area_moments import BLOCK, area_frame
 from voxkernel.halfspaces.domain import (
@@ -35,7 +36,7 @@ __all__ = ["StreamFacts", "StreamProgress", "SurfaceReader"]
 
 
 @dataclass(frozen=True, slots=True)
-class StreamProgress:
+class StreamProgress(InNotebooks):
     """Where the work on a stream is.
 
     Attributes

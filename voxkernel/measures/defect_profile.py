@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_depth, as_each, as_share, read_only
 from voxkernel._frozen import Frozen
 from voxkernel._plain import plain
+from voxkernel._thumbnail import curve_svg
 from voxkernel.halfspaces import Domain
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
@@ -49,6 +50,13 @@ class DefectProfile(Frozen):
     def __repr__(self) -> str:
         """Name range and depth."""
         return f"DefectProfile({len(self.tolerances)} tolerances up to {self.tolerances.max():.6g}, depth={self.depth})"
+
+    def _more_rows(self) -> dict[str, Any]:
+        low, high = (float(v[-1]) for v in self.volume_share_bounds.T)
+        return {"volume share at the end": f"{low:.6g} to {high:.6g}, at {self.tolerances[-1]:.6g}"}
+
+    def _picture(self) -> str:
+        return curve_svg(self.tolerances, self.volume_share, "#a34a9c") if len(self.tolerances) > 1 else ""
 
     @property
     def volume_share(self) -> NDArray[np.float64]:

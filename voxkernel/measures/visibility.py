@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, as_positive
 from voxkernel._core import faces_away
+from voxkernel._notebook import InNotebooks
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import doubled_areas, triple_products
@@ -24,7 +25,7 @@ _SINGLE = 4e-6  # what single precision can tell apart along a ray
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class VisibleFraction:
+class VisibleFraction(InNotebooks):
     """The share of a surface that is visible from a point.
 
     Attributes

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_depth, as_positive
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
+from voxkernel._notebook import InNotebooks
 from voxkernel.errors import MeshError
 from voxkernel.mesh.as_mesh import as_mesh
 from voxkernel.mesh.connected_components import components
@@ -26,7 +27,7 @@ _Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 @dataclass(frozen=True, slots=True)
-class RepairChange:
+class RepairChange(InNotebooks):
     """One step of `repair` and what it did.
 
     Parameters

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_facet_ids, as_integers, as_nonnegative, as_points, check_index_range, read_only
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
+from voxkernel._thumbnail import BLUE, thumbnail
+from voxkernel._viewing import plot_mesh
 from voxkernel.errors import MeshError
 from voxkernel.mesh.affine import affine_image, as_affine
 from voxkernel.mesh.facts import MeshFacts, mesh_facts
@@ -22,7 +24,6 @@ from voxkernel.mesh.zero_area import has_area
 __all__ = ["MeshFacts", "TriangleMesh"]
 
 _OF_PLANES = ("vertices", "faces", "facet_ids", "plane_corners", "plane_facets", "nonplanar_facets")
-
 _NO_IDS = read_only(np.zeros(0, dtype=np.int64))
 
 
@@ -488,6 +489,11 @@ class TriangleMesh(Frozen):
         from voxkernel.mesh.files import write_triangles
 
         write_triangles(path, self.vertices, self.faces)
+
+    plot = plot_mesh
+
+    def _picture(self) -> str:
+        return thumbnail(self.vertices, self.faces, BLUE)
 
     def __repr__(self) -> str:
         counts = f"{len(self.vertices)} vertices, {len(self.faces)} faces, {self.n_facets} facets"

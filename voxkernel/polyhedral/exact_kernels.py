@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_integers, as_points, check_index_range, read_only
+from voxkernel._notebook import html_of
 from voxkernel.errors import MeshError
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.polyhedral.cell_solver import CellKernels, solve
@@ -33,6 +34,8 @@ class PackedSurfaces(NamedTuple):
     vertices: ArrayLike
     faces: ArrayLike
     face_starts: ArrayLike
+
+    _repr_html_ = html_of
 
 
 def exact_kernels(surfaces: PackedSurfaces | Iterable[MeshLike], *, threads: int = 1) -> CellKernels:

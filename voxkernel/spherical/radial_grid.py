@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import as_depth, as_nonnegative, read_only
 from voxkernel._core import settle_rays, triangle_distances
 from voxkernel._frozen import Frozen
+from voxkernel._notebook import html_of
 from voxkernel._open3d import open3d, ray_scene
 from voxkernel.errors import MeshError
 from voxkernel.mesh import TriangleMesh
@@ -40,6 +41,8 @@ class ReconstructionError(NamedTuple):
 
     hausdorff: float
     rms: float
+
+    _repr_html_ = html_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_choice, as_depth, as_points, as_real
 from voxkernel._frozen import Frozen
+from voxkernel._thumbnail import ORANGE, PURPLE, thumbnail
 from voxkernel._version import __version__
+from voxkernel._viewing import plot_kernel
 from voxkernel.errors import GridReadError
 from voxkernel.exact.polygon_ply import write_polygon_ply
 from voxkernel.grid import SparseGrid, to_surface, write_npz
@@ -25,6 +27,8 @@ from voxkernel.voxels.certain_voxels import classify_points
 from voxkernel.voxels.vtk_cells import write_vtp, write_vtu
 
 __all__ = ["KernelGrid"]
+
+_MOST_DRAWN = 2_000_000  # voxels in a picture for a notebook
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -74,6 +78,17 @@ class KernelGrid(Frozen):
             f"KernelGrid({relaxed}depth={self.depth}, voxel_size={self.voxel_size:.6g}, "
             f"active_voxel_count={self.active_voxel_count}, volume_bounds=({low:.6g}, {high:.6g}))"
         )
+
+    def _more_rows(self) -> dict[str, Any]:
+        return {
+            "voxel size": self.voxel_size, "voxels inside": f"{self.active_voxel_count:,}",
+            "voxels undecided": f"{self.boundary.active_voxel_count:,}",
+        }  # fmt: skip
+
+    def _picture(self) -> str:
+        if not 0 < self.active_voxel_count <= _MOST_DRAWN:
+            return ""
+        return thumbnail(*to_surface(self.inside), PURPLE if self.tolerance else ORANGE)
 
     @property
     def is_empty(self) -> bool:
@@ -220,6 +235,8 @@ class KernelGrid(Frozen):
             If no voxel is inside.
         """
         return TriangleMesh.from_triangles(*to_surface(self.inside), source="kernel grid")
+
+    plot = plot_kernel
 
     def to_grids(self) -> dict[str, SparseGrid]:
         """Give both grids by name, in the order of files: "inside", "boundary"."""
