@@ -5,12 +5,22 @@ import subprocess
 import sys
 from pathlib import Path
 
+import label_shapes
 import numpy as np
 from grids import random_grid
 from test_octree_cells import many_planes, reach_of, run_relaxed, unit_planes
 
 from voxkernel import star_polyhedra_kernels
-from voxkernel._core import exact_cells, facet_planes, least_violated, plane_signs, points_in_table, violation_cells
+from voxkernel._core import (
+    best_voxel,
+    exact_cells,
+    facet_planes,
+    least_violated,
+    plane_signs,
+    points_in_table,
+    squared_depths,
+    violation_cells,
+)
 from voxkernel.grid.lookup import ActiveTable
 from voxkernel.labels.ray_sets import golden_rays
 
@@ -18,10 +28,21 @@ SUMMARY = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import hashlib
-from test_wide_vectors import octrees, planes, queries, stars
-for found in (octrees, planes, queries, stars):
+from test_wide_vectors import labels, octrees, planes, queries, stars
+for found in (labels, octrees, planes, queries, stars):
     print(hashlib.sha256(found()).hexdigest())
 """
+
+
+def labels():
+    """Best voxels of solid and flat objects, some too long to keep the steps of segments; what was looked at."""
+    rng, found = np.random.default_rng(6), []
+    for shape in ((14, 15, 16), (1, 40, 90), (2, 5, 700), (30, 30, 20)):
+        crop = np.pad(label_shapes.blobs(rng, shape, 0.6), 1)
+        depths = np.empty(crop.shape)
+        squared_depths(crop, shape[0] == 1, np.ones(3), depths)
+        found += [best_voxel(crop, shape[0] == 1, depths, always, 10**7) for always in (0, 6000)]
+    return np.array(found).tobytes()
 
 
 def octrees():

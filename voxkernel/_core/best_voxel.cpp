@@ -8,12 +8,14 @@
 #include <vector>
 
 #include "label_rows.h"
+#include "label_tiles.h"
 
 namespace voxkernel {
 namespace {
 
 constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
 constexpr Index kMostBlocks = 1200;  // of the coarsest
+constexpr Index kShare = 4;          // tiles are bounded where this takes at most such a part of the steps
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
 struct Block {
@@ -38,6 +40,15 @@ class Search {
     std::unique_ptr<LabelRows> rows;
   };
 
+  struct Tile {
+    Index hidden, rank;  // at least so much from each voxel; its deepest voxel, then that of those that may see most
+    Index low[3];
+    std::vector<Index> bounds;
+  };
+
+  std::vector<Tile> tiles_of(const Index* edges) const;
+  void race(LabelTiles& tiles, std::vector<Tile>& left);
+  void branch();
   void climb();
   void cut(const Block& block, Index edge);
   Index bound(const Block& block);
@@ -46,7 +57,7 @@ class Search {
   Index enough(Index rank) const { return least_ - (rank < winner_ ? 0 : 1); }
   bool is_over() const { return best_.n_steps >= limit_; }
   template <typename Visit>
-  void each_voxel(const Block& block, Visit&& visit) const;
+  void each_voxel(const Index* low, const Index* edges, Visit&& visit) const;
 
   const Crop& crop_;
   Stop& stop_;
@@ -83,15 +94,16 @@ Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop
   for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
 }
 
+// Calls `visit(rank, place in the box)` for the voxels of the object in a box.
 template <typename Visit>
-void Search::each_voxel(const Block& block, Visit&& visit) const {
+void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) const {
   Index high[3];
-  for (int a = 0; a < 3; ++a) high[a] = std::min(block.low[a] + block.edge, crop_.shape[a]);
-  for (Index i = block.low[0]; i < high[0]; ++i) {
-    for (Index j = block.low[1]; j < high[1]; ++j) {
-      for (Index k = block.low[2]; k < high[2]; ++k) {
+  for (int a = 0; a < 3; ++a) high[a] = std::min(low[a] + edges[a], crop_.shape[a]);
+  for (Index i = low[0]; i < high[0]; ++i) {
+    for (Index j = low[1]; j < high[1]; ++j) {
+      for (Index k = low[2]; k < high[2]; ++k) {
         const Index rank = ranks_[crop_.flat(i, j, k)];
-        if (rank >= 0) visit(rank);
+        if (rank >= 0) visit(rank, ((i - low[0]) * edges[1] + j - low[1]) * edges[2] + k - low[2]);
       }
     }
   }
@@ -136,15 +148,64 @@ void Search::climb() {
   }
 }
 
+std::vector<Search::Tile> Search::tiles_of(const Index* edges) const {
+  std::vector<Tile> found;
+  for (Index i = 0; i < crop_.shape[0]; i += edges[0]) {
+    for (Index j = 0; j < crop_.shape[1]; j += edges[1]) {
+      for (Index k = 0; k < crop_.shape[2]; k += edges[2]) {
+        Tile tile{0, INT64_MAX, {i, j, k}, {}};
+        each_voxel(tile.low, edges, [&](Index rank, Index) { tile.rank = std::min(tile.rank, rank); });
+        if (tile.rank != INT64_MAX) found.push_back(std::move(tile));
+      }
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const Tile& a, const Tile& b) { return a.rank < b.rank; });
+  return found;
+}
+
+// All tiles are bounded, the deepest first, and the most promising voxel of each is looked at; then tiles are looked at
+// whole, those first from which the least may be hidden.
+void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
+  const Index* edges = tiles.edges();
+  for (Tile& tile : left) {
+    tile.bounds.resize(LabelTiles::kVoxels);
+    tiles.bound(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+    tile.hidden = INT64_MAX;
+    each_voxel(tile.low, edges, [&](Index rank, Index at) {
+      if (std::tie(tile.bounds[at], rank) >= std::tie(tile.hidden, tile.rank)) return;
+      tile.hidden = tile.bounds[at];
+      tile.rank = rank;
+    });
+    if (tile.hidden > least_) tile.bounds = {};
+    if (tile.hidden < least_) consider(tile.rank);
+  }
+  std::sort(left.begin(), left.end(),
+            [](const Tile& a, const Tile& b) { return std::tie(a.hidden, a.rank) < std::tie(b.hidden, b.rank); });
+  for (Tile& tile : left) {
+    if (tile.hidden > least_) break;
+    if (is_over()) {
+      open_ = tile.hidden;
+      break;
+    }
+    tiles.look(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+    each_voxel(tile.low, edges, [&](Index rank, Index at) {
+      if (tile.bounds[at] > enough(rank)) return;
+      least_ = tile.bounds[at];
+      winner_ = rank;
+    });
+  }
+}
+
 // Blocks of a finer edge that have voxels of the object, each with the bound of the whole.
 void Search::cut(const Block& block, Index edge) {
+  const Index edges[3] = {edge, edge, edge};
   Index last[3];
   for (int a = 0; a < 3; ++a) last[a] = std::min(block.low[a] + block.edge, crop_.shape[a]);
   for (Index i = block.low[0]; i < last[0]; i += edge) {
     for (Index j = block.low[1]; j < last[1]; j += edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
         Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
-        each_voxel(part, [&](Index rank) { part.rank = std::min(part.rank, rank); });
+        each_voxel(part.low, edges, [&](Index rank, Index) { part.rank = std::min(part.rank, rank); });
         if (part.rank == INT64_MAX || part.hidden > enough(part.rank)) continue;
         if (!is_over()) part.hidden = std::max(part.hidden, bound(part));
         if (part.hidden <= enough(part.rank)) queue_.push(part);
@@ -167,8 +228,9 @@ Index Search::bound(const Block& block) {
 
 // Every voxel of a block of the finest edge, the deepest first.
 void Search::look_into(const Block& block) {
+  const Index edges[3] = {block.edge, block.edge, block.edge};
   std::vector<Index> ranks;
-  each_voxel(block, [&](Index rank) { ranks.push_back(rank); });
+  each_voxel(block.low, edges, [&](Index rank, Index) { ranks.push_back(rank); });
   std::sort(ranks.begin(), ranks.end());
   for (const Index rank : ranks) {
     if (block.hidden > enough(rank)) continue;
@@ -180,29 +242,45 @@ void Search::look_into(const Block& block) {
   }
 }
 
+// Where tiles would take too long or too much memory: blocks that are bounded as a whole.
+void Search::branch() {
+  climb();
+  const Index n = static_cast<Index>(by_depth_.size());
+  Index edge = kSplit;
+  while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
+  for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
+  const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
+  cut({0, 0, longest, {0, 0, 0}}, edge);
+  while (!queue_.empty()) {
+    const Block block = queue_.top();
+    queue_.pop();
+    if (block.hidden > enough(block.rank)) continue;
+    if (is_over()) {
+      open_ = std::min(open_, block.hidden);
+      break;
+    }
+    if (block.edge == kSplit) {
+      look_into(block);
+    } else {
+      cut(block, block.edge / kSplit);
+    }
+  }
+}
+
 BestVoxel Search::run(Index always, Index most_steps) {
   const Index n = static_cast<Index>(by_depth_.size());
   if (least_ > 0) {
     limit_ = n <= always ? INT64_MAX : most_steps;
-    climb();
-    Index edge = kSplit;
-    while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
-    for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
-    const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
-    cut({0, 0, longest, {0, 0, 0}}, edge);
-    while (!queue_.empty()) {
-      const Block block = queue_.top();
-      queue_.pop();
-      if (block.hidden > enough(block.rank)) continue;
-      if (is_over()) {
-        open_ = std::min(open_, block.hidden);
-        break;
-      }
-      if (block.edge == kSplit) {
-        look_into(block);
-      } else {
-        cut(block, block.edge / kSplit);
-      }
+    std::vector<Tile> all;
+    std::unique_ptr<LabelTiles> tiles;
+    if (LabelTiles::is_small(crop_)) {
+      tiles = std::make_unique<LabelTiles>(crop_);
+      all = tiles_of(tiles->edges());
+    }
+    if (tiles != nullptr && static_cast<Index>(all.size()) * tiles->n_places() <= limit_ / kShare) {
+      race(*tiles, all);
+    } else {
+      branch();
     }
   }
   best_.voxel = by_depth_[winner_];

@@ -39,7 +39,7 @@ std::int32_t SegmentSteps::append(const Index* n) {
   const Index nothing[3] = {0, 0, 0};
   SegmentWalk walk(0, n, nothing);
   for (unsigned axes = walk.step(); axes != 0; axes = walk.step()) steps_.push_back(static_cast<std::uint8_t>(axes));
-  steps_.push_back(0);
+  steps_.insert(steps_.end(), kEnds, 0);
   return first;
 }
 

@@ -67,13 +67,15 @@ class SegmentWalk {
 // each is a set of axes, as bits, the one with the largest n first.
 class SegmentSteps {
  public:
+  static constexpr int kEnds = 4;
+
   SegmentSteps() = default;
   SegmentSteps(const Index* shape, const Index* strides);
 
   // Whether the box is small enough for this.
   bool is_kept() const { return !first_.empty(); }
   struct Found {
-    const std::uint8_t* steps;  // ended by 0
+    const std::uint8_t* steps;  // ended by kEnds times 0
     const Index* moves;         // by how much each changes the position
   };
   // The steps from a voxel by `d`.

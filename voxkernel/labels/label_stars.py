@@ -55,8 +55,8 @@ def label_stars(
     threads : int
         Threads, at least 1; the result does not depend on it.
     most_steps : int
-        Voxels that may be looked at to certify the best one of an object of more than 6,000 voxels, >= 0; 200 million
-        take about a second. Smaller objects are always certified.
+        Steps that may be taken to certify the best voxel of an object of more than 6,000 voxels, >= 0; 200 million take
+        one to two seconds. Smaller objects are always certified.
     objects : LabelObjects, optional
         What `find_objects` has found in this image, to look at some of its objects at a time.
 
@@ -75,9 +75,11 @@ def label_stars(
     A segment between two voxel centres touches the voxels whose open cube it meets; through an edge or a corner it
     goes on diagonally. V(x) is the share of an object's voxels whose segment to voxel x touches only voxels of the
     object: Werghi's Star(x, S), Definition 2, in voxels. The segment rule is evaluated in integers. It does not depend
-    on the spacing. The maximum V* is found by branch and bound: what is hidden from the middle of a block of voxels in
-    the object, widened by half the block, is hidden from the whole block; blocks of which less is hidden are looked
-    into, down to single voxels, from which whole rows of voxels are decided at once.
+    on the spacing. The maximum V* is found by a race of tiles of 256 voxels, a bit for each: from all of them the
+    segments by one offset touch a tile that moves by the same steps. Seven probes of every segment bound what is hidden
+    from each voxel; where less is hidden than from the best so far, whole segments are walked along, unless what is seen
+    nearer to the tile decides. Objects too large for that are cut into blocks: what is hidden from the middle of a block
+    in the object, widened by half the block, is hidden from the whole block.
 
     Examples
     --------

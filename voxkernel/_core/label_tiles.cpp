@@ -1,0 +1,498 @@
+#include "label_tiles.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "avx2.h"
+
+namespace voxkernel {
+namespace {
+
+using Word = std::uint64_t;
+constexpr Index kBits = 64;
+constexpr Index kLayers = 4;
+constexpr Index kPlanes = 4;  // after so many it is asked whether all voxels of a tile are out of the race
+
+struct Four {
+  Word w[4];
+};
+Four four(const Word* at) { return {{at[0], at[1], at[2], at[3]}}; }
+Four both(const Four& a, const Four& b) {
+  return {{a.w[0] & b.w[0], a.w[1] & b.w[1], a.w[2] & b.w[2], a.w[3] & b.w[3]}};
+}
+Four either(const Four& a, const Four& b) {
+  return {{a.w[0] | b.w[0], a.w[1] | b.w[1], a.w[2] | b.w[2], a.w[3] | b.w[3]}};
+}
+Four without(const Four& a, const Four& b) {
+  return {{a.w[0] & ~b.w[0], a.w[1] & ~b.w[1], a.w[2] & ~b.w[2], a.w[3] & ~b.w[3]}};
+}
+bool is_none(const Four& a) { return (a.w[0] | a.w[1] | a.w[2] | a.w[3]) == 0; }
+void store(Word* at, const Four& a) { std::copy(a.w, a.w + 4, at); }
+
+// Adds two bits to a sum; what is carried to the next level comes back.
+VOXKERNEL_ALWAYS_INLINE Word add_two(Word& sum, Word a, Word b) {
+  const Word one = sum ^ a, carry = (sum & a) | (one & b);
+  sum = one ^ b;
+  return carry;
+}
+
+// Adds sixteen bits to each of 256 counts.
+VOXKERNEL_ALWAYS_INLINE void add_up(Word (*sums)[4], const Word (*bits)[4]) {
+  Word carries[4];
+  for (int w = 0; w < 4; ++w) {
+    Word ones = sums[0][w], twos = sums[1][w], fours = sums[2][w], eights = sums[3][w];
+    Word eight[2];
+    for (int e = 0; e < 2; ++e) {
+      Word four[2];
+      for (int f = 0; f < 2; ++f) {
+        const int b = 8 * e + 4 * f;
+        const Word a = add_two(ones, bits[b][w], bits[b + 1][w]), c = add_two(ones, bits[b + 2][w], bits[b + 3][w]);
+        four[f] = add_two(twos, a, c);
+      }
+      eight[e] = add_two(fours, four[0], four[1]);
+    }
+    carries[w] = add_two(eights, eight[0], eight[1]);
+    sums[0][w] = ones;
+    sums[1][w] = twos;
+    sums[2][w] = fours;
+    sums[3][w] = eights;
+  }
+  for (int l = 4; (carries[0] | carries[1] | carries[2] | carries[3]) != 0; ++l) {
+    for (int w = 0; w < 4; ++w) {
+      const Word sum = sums[l][w] ^ carries[w];
+      carries[w] &= sums[l][w];
+      sums[l][w] = sum;
+    }
+  }
+}
+
+#ifdef VOXKERNEL_HAS_AVX2
+VOXKERNEL_AVX2 void add_up_avx2(Word (*sums)[4], const Word (*bits)[4]) { add_up(sums, bits); }
+VOXKERNEL_AVX2_INLINE __m256i load_words(const Word* at) {
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at));
+}
+VOXKERNEL_AVX2_INLINE void store_words(Word* at, __m256i words) {
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(at), words);
+}
+VOXKERNEL_AVX2_INLINE __m256i and_all(__m256i a, __m256i b, __m256i c, __m256i d) {
+  return _mm256_and_si256(_mm256_and_si256(a, b), _mm256_and_si256(c, d));
+}
+VOXKERNEL_AVX2_INLINE bool is_none(__m256i words) { return _mm256_testz_si256(words, words) != 0; }
+#endif
+
+}  // namespace
+
+LabelTiles::LabelTiles(const Crop& crop) {
+  const bool flat = crop.is_flat;
+  const Index own_edges[3] = {kLayers, flat ? 1 : 8, flat ? kBits : 8};
+  axes_[0] = flat ? 1 : 0;
+  axes_[1] = flat ? 0 : 1;
+  axes_[2] = 2;
+  for (int a = 0; a < 3; ++a) {
+    edges_[axes_[a]] = own_edges[a];
+    margin_[a] = own_edges[a] - 1;
+    shape_[a] = crop.shape[axes_[a]] + margin_[a] + (a == 0 ? margin_[0] : 0);
+  }
+  strides_[0] = 1;
+  strides_[2] = shape_[0];
+  strides_[1] = shape_[2] * shape_[0];
+  const Index size = shape_[0] * shape_[1] * shape_[2];
+  words_.assign(static_cast<std::size_t>(size), 0);
+  const Index ni = crop.shape[axes_[0]], nj = crop.shape[axes_[1]], nk = crop.shape[axes_[2]];
+  const Index step_i = crop.stride(axes_[0]), step_j = crop.stride(axes_[1]);
+  const Word row_mask = flat ? ~Word{0} : (Word{1} << own_edges[2]) - 1;
+  for (Index i = 0; i < ni; ++i) {
+    for (Index j = nj - 1; j >= -margin_[1]; --j) {
+      Word row = 0;
+      for (Index k = nk - 1; k >= -margin_[2]; --k) {
+        const bool is_in = j >= 0 && k >= 0 && crop.bytes[i * step_i + j * step_j + k] != 0;
+        row = (row << 1 | (is_in ? 1u : 0u)) & row_mask;
+        const Index at = (i + margin_[0]) + (j + margin_[1]) * strides_[1] + (k + margin_[2]) * strides_[2];
+        words_[at] = row | (!flat && j < nj - 1 ? words_[at + strides_[1]] << own_edges[2] : 0);
+      }
+    }
+  }
+  seen_.assign(static_cast<std::size_t>(4 * size), 0);
+  ones_.assign(static_cast<std::size_t>(4 * shape_[0]), ~Word{0});
+  first_.assign(static_cast<std::size_t>(shape_[1] * shape_[2]), 0);
+  last_.assign(first_.size(), -1);
+  for (Index row = 0; row < shape_[1] * shape_[2]; ++row) {
+    for (Index i = shape_[0] - kLayers; i >= 0; --i) {
+      if (is_none(four(words_.data() + row * shape_[0] + i))) continue;
+      first_[row] = static_cast<std::int32_t>(i);
+      if (last_[row] < 0) last_[row] = static_cast<std::int32_t>(i);
+    }
+    n_places_ += last_[row] + 1 - first_[row];
+  }
+  // A segment by d is, just before the share p / 8 of it, in the voxel ceil(p |d| / 8 - 1/2) along an axis.
+  for (int a = 0; a < 3; ++a) {
+    probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kProbes));
+    for (Index d = 1 - shape_[a]; d < shape_[a]; ++d) {
+      for (Index p = 0; p < kProbes; ++p) {
+        const Index n = ((p + 1) * (d < 0 ? -d : d) + 3) / 8;
+        probes_[a][(d + shape_[a] - 1) * kProbes + p] = static_cast<std::int32_t>((d < 0 ? -n : n) * strides_[a]);
+      }
+    }
+  }
+  steps_ = SegmentSteps(shape_, strides_);
+}
+
+void LabelTiles::Counts::clear() {
+  n_waiting = 0;
+  for (int l = 0; l < kLevels; ++l) std::fill_n(sums[l], 4, Word{0});
+}
+
+// Adds what waits, so that the sums are the counts.
+void LabelTiles::Counts::settle() {
+  for (; n_waiting < kWaiting; ++n_waiting) std::fill_n(waiting[n_waiting], 4, Word{0});
+  add_up(sums, waiting);
+  n_waiting = 0;
+}
+
+bool LabelTiles::Counts::are_above(Index enough, const Word* of) const {
+  for (int w = 0; w < 4; ++w) {
+    Word above = 0, equal = ~Word{0};
+    for (int l = kLevels - 1; l >= 0; --l) {
+      const Word is_set = sums[l][w];
+      if ((enough >> l & 1) == 0) above |= equal & is_set;
+      equal &= (enough >> l & 1) == 0 ? ~is_set : is_set;
+    }
+    if ((of[w] & ~above) != 0) return false;
+  }
+  return true;
+}
+
+void LabelTiles::Counts::write(Span<Index> counts) const {
+  for (Index n = 0; n < kVoxels; ++n) {
+    Index count = 0;
+    for (int l = 0; l < kLevels; ++l) count |= static_cast<Index>(sums[l][n / kBits] >> (n % kBits) & 1u) << l;
+    counts[n] = count;
+  }
+}
+
+void LabelTiles::stand_at(const Index* low) {
+  at_ = 0;
+  for (int a = 0; a < 3; ++a) {
+    low_[a] = low[axes_[a]] + margin_[a];
+    at_ += low_[a] * strides_[a];
+  }
+  std::copy_n(words_.data() + at_, 4, own_);
+  counts_.clear();
+}
+
+// What a probe of a segment finds outside is hidden.
+void LabelTiles::bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
+  stand_at(low);
+  const bool is_up = 2 * low_[1] < shape_[1];  // from where more is far
+  for (Index p = 0; p < shape_[1]; ++p) {
+    const Index j = is_up ? shape_[1] - 1 - p : p;
+    for (Index k = 0; k < shape_[2]; ++k) {
+      if (first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
+#ifdef VOXKERNEL_HAS_AVX2
+      if (has_avx2) {
+        probe_avx2(j, k);
+        continue;
+      }
+#endif
+      probe(j, k);
+    }
+    n_steps_ += shape_[2];
+    stop.poll(n_steps_);
+    n_steps += n_steps_;
+    n_steps_ = 0;
+    if (p % kPlanes != kPlanes - 1) continue;
+    counts_.settle();
+    if (counts_.are_above(enough, own_)) break;
+  }
+  counts_.settle();
+  counts_.write(hidden);
+}
+
+void LabelTiles::probe(Index j, Index k) {
+  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
+  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kProbes;
+  const Word* probed[kProbes];
+  for (int p = 0; p < kProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  for (Index i = first; i <= last; ++i, ++to, probes_i += kProbes) {
+    const Four wanted = both(four(own_), four(to));
+    Four seen = wanted;
+    for (int p = 0; p < kProbes; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
+    const Four hidden = without(wanted, seen);
+    store(counts_.waiting[counts_.n_waiting], hidden);
+    if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
+      add_up(counts_.sums, counts_.waiting);
+      counts_.n_waiting = 0;
+    }
+  }
+  n_steps_ += last + 1 - first;
+}
+
+#ifdef VOXKERNEL_HAS_AVX2
+VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
+  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
+  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kProbes;
+  const Word* probed[kProbes];
+  for (int p = 0; p < kProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  const __m256i own = load_words(own_);
+  Index n = counts_.n_waiting;
+  for (Index i = first; i <= last; ++i, ++to, probes_i += kProbes) {
+    const __m256i wanted = _mm256_and_si256(own, load_words(to));
+    __m256i seen = wanted;
+    for (int p = 0; p < kProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+    const __m256i hidden = _mm256_andnot_si256(seen, wanted);
+    store_words(counts_.waiting[n], hidden);
+    n += is_none(hidden) ? 0 : 1;
+    if (n == Counts::kWaiting) {
+      add_up_avx2(counts_.sums, counts_.waiting);
+      n = 0;
+    }
+  }
+  counts_.n_waiting = n;
+  n_steps_ += last + 1 - first;
+}
+#endif
+
+// Planes and rows from the tile outwards, so that places nearer to it are known.
+void LabelTiles::look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
+  stand_at(low);
+  for (Index n = 0; n < kVoxels; ++n) {
+    if (hidden[n] > enough) own_[n / kBits] &= ~(Word{1} << (n % kBits));
+  }
+  const auto look_at_plane = [&](Index j) {
+    for (Index k = low_[2]; k < shape_[2]; ++k) look_at_rows(j, k);
+    for (Index k = low_[2] - 1; k >= 0; --k) look_at_rows(j, k);
+    n_steps_ += shape_[2];
+    stop.poll(n_steps_);
+    n_steps += n_steps_;
+    n_steps_ = 0;
+  };
+  look_at_plane(low_[1]);
+  const bool is_up_first = 2 * low_[1] < shape_[1];  // where more is far
+  bool is_over = false;
+  for (const bool is_up : {is_up_first, !is_up_first}) {
+    const Index n = is_up ? shape_[1] - 1 - low_[1] : low_[1];
+    for (Index p = 1; p <= n && !is_over; ++p) {
+      look_at_plane(is_up ? low_[1] + p : low_[1] - p);
+      if (p % kPlanes != 0) continue;
+      counts_.settle();
+      is_over = counts_.are_above(enough, own_);
+    }
+  }
+  counts_.settle();
+  Index found[kVoxels];
+  counts_.write({found, kVoxels});
+  for (Index n = 0; n < kVoxels; ++n) {
+    if (hidden[n] <= enough) hidden[n] = found[n];
+  }
+}
+
+// Both ways along the first axis.
+void LabelTiles::look_at_rows(Index j, Index k) {
+  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  if (first > last) return;
+  const Index dj = j - low_[1], dk = k - low_[2], start = (j * shape_[2] + k) * shape_[0];
+  Row row{0,
+          0,
+          1,
+          {0, dj, dk},
+          dj == 0  ? 0
+          : dj > 0 ? -strides_[1]
+                   : strides_[1],
+          dk == 0  ? 0
+          : dk > 0 ? -strides_[2]
+                   : strides_[2]};
+  for (const bool is_up : {true, false}) {
+    const Index from = is_up ? std::max(first, low_[0]) : std::min(last, low_[0] - 1);
+    row.n = is_up ? last + 1 - from : from + 1 - first;
+    if (row.n <= 0) continue;
+    row.at = start + from;
+    row.step = is_up ? 1 : -1;
+    row.d[0] = from - low_[0];
+    n_steps_ += row.n;
+#ifdef VOXKERNEL_HAS_AVX2
+    if (has_avx2) {
+      look_at_avx2(row);
+      continue;
+    }
+#endif
+    look_at(row);
+  }
+}
+
+// The rows nearer to the tile. Where there is none, all would be seen there.
+LabelTiles::Near LabelTiles::near_of(const Row& row) const {
+  const Word* const seen = seen_.data() + 4 * row.at;
+  const Word* const ones = ones_.data();
+  const Index step = 4 * row.step, b = std::abs(row.d[1]), c = std::abs(row.d[2]);
+  const bool has_j = row.back_j != 0, has_k = row.back_k != 0;
+  return {has_j ? seen + 4 * row.back_j : ones,
+          has_k ? seen + 4 * row.back_k : ones,
+          has_j || has_k ? seen + 4 * (row.back_j + row.back_k) : ones,
+          has_j ? step : 0,
+          has_k ? step : 0,
+          has_j || has_k ? step : 0,
+          std::max(b, c),
+          b >= c};
+}
+
+// The places a segment takes the tile to, until a visit after some of them says no.
+template <typename See, typename GoesOn>
+void LabelTiles::walk(Index at, const Index* d, See&& see, GoesOn&& goes_on) {
+  const Index back[3] = {-d[0], -d[1], -d[2]};
+  if (!steps_.is_kept()) {
+    SegmentWalk walk(at, back, strides_);
+    while (goes_on() && walk.advance()) {
+      ++n_steps_;
+      see(walk.at());
+    }
+    return;
+  }
+  const SegmentSteps::Found found = steps_.find(back);
+  for (const std::uint8_t* s = found.steps; *s != 0 && goes_on(); s += SegmentSteps::kEnds) {
+    n_steps_ += SegmentSteps::kEnds;
+    for (Index n = 0; n < SegmentSteps::kEnds; ++n) see(at += found.moves[s[n]]);
+  }
+}
+
+// A voxel sees what is at d from it if it sees what is nearer by one along each axis (LabelRows::sure), here for all
+// voxels of the tile. What is left is probed before it is walked along.
+void LabelTiles::look_at(const Row& row) {
+  const Word* const words = words_.data();
+  const Four own = four(own_);
+  const Near near = near_of(row);
+  Four last{}, last_j{}, last_k{}, last_jk{};
+  if (row.d[0] == 0) {
+    last = last_j = last_k = last_jk = four(ones_.data());
+  } else {
+    last_j = four(near.j - near.step_j);
+    last_k = four(near.k - near.step_k);
+    last_jk = four(near.jk - near.step_jk);
+  }
+  Index d[3] = {row.d[0], row.d[1], row.d[2]};
+  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kProbes;
+  Index at = row.at;
+  for (Index i = 0; i < row.n; ++i, at += row.step, d[0] += row.step) {
+    const Four wanted = both(own, four(words + at));
+    const Four in_j = four(near.j + i * near.step_j), in_k = four(near.k + i * near.step_k);
+    const Four in_jk = four(near.jk + i * near.step_jk);
+    Four sure = both(last, both(in_j, in_k));
+    if (std::abs(d[0]) >= near.longest) {
+      sure = either(sure, both(both(last, last_j), both(last_k, last_jk)));
+    } else if (near.is_j) {
+      sure = either(sure, both(both(in_j, last_j), both(in_jk, last_jk)));
+    } else {
+      sure = either(sure, both(both(in_k, last_k), both(in_jk, last_jk)));
+    }
+    sure = both(sure, wanted);
+    last_j = in_j;
+    last_k = in_k;
+    last_jk = in_jk;
+    const Four open = without(wanted, sure);
+    last = sure;
+    if (!is_none(open)) {
+      Four seen = open;
+      const std::int32_t* const probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kProbes;
+      for (int p = 0; p < kProbes; ++p) seen = both(seen, four(words + at_ + probes_i[p] + probes_j[p] + probes_k[p]));
+      if (!is_none(seen)) {
+        walk(at, d, [&](Index to) { seen = both(seen, four(words + to)); }, [&] { return !is_none(seen); });
+        for (int w = 0; w < 4; ++w) last.w[w] |= seen.w[w];
+      }
+      const Four hidden = without(open, seen);
+      store(counts_.waiting[counts_.n_waiting], hidden);
+      if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
+        add_up(counts_.sums, counts_.waiting);
+        counts_.n_waiting = 0;
+      }
+    }
+    store(seen_.data() + 4 * at, last);
+  }
+}
+
+#ifdef VOXKERNEL_HAS_AVX2
+VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
+  const Word* const words = words_.data();
+  const __m256i own = load_words(own_);
+  const Near near = near_of(row);
+  __m256i last = _mm256_setzero_si256(), last_j, last_k, last_jk;
+  if (row.d[0] == 0) {
+    last = last_j = last_k = last_jk = load_words(ones_.data());
+  } else {
+    last_j = load_words(near.j - near.step_j);
+    last_k = load_words(near.k - near.step_k);
+    last_jk = load_words(near.jk - near.step_jk);
+  }
+  Index d[3] = {row.d[0], row.d[1], row.d[2]};
+  Word* seen_at = seen_.data() + 4 * row.at;
+  const std::int32_t* probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kProbes;
+  const Word* probed[kProbes];
+  for (int p = 0; p < kProbes; ++p) probed[p] = words + at_ + probes_j[p] + probes_k[p];
+  Index at = row.at, n_steps = 0;
+  for (Index i = 0; i < row.n; ++i) {
+    const __m256i wanted = _mm256_and_si256(own, load_words(words + at));
+    const __m256i in_j = load_words(near.j + i * near.step_j), in_k = load_words(near.k + i * near.step_k);
+    const __m256i in_jk = load_words(near.jk + i * near.step_jk);
+    __m256i sure = and_all(last, in_j, in_k, wanted);
+    if (std::abs(d[0]) >= near.longest) {
+      sure = _mm256_or_si256(sure, and_all(last, last_j, last_k, last_jk));
+    } else if (near.is_j) {
+      sure = _mm256_or_si256(sure, and_all(in_j, last_j, in_jk, last_jk));
+    } else {
+      sure = _mm256_or_si256(sure, and_all(in_k, last_k, in_jk, last_jk));
+    }
+    sure = _mm256_and_si256(sure, wanted);
+    last_j = in_j;
+    last_k = in_k;
+    last_jk = in_jk;
+    const __m256i open = _mm256_andnot_si256(sure, wanted);
+    last = sure;
+    if (!is_none(open)) {
+      __m256i seen = open;
+      for (int p = 0; p < kProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+      if (!is_none(seen)) {
+        const Index back[3] = {-d[0], -d[1], -d[2]};
+        if (steps_.is_kept()) {
+          const SegmentSteps::Found found = steps_.find(back);
+          const Word* to = words + at;
+          for (const std::uint8_t* s = found.steps; *s != 0 && !is_none(seen); s += SegmentSteps::kEnds) {
+            n_steps += SegmentSteps::kEnds;
+            for (Index n = 0; n < SegmentSteps::kEnds; ++n) {
+              to += found.moves[s[n]];
+              seen = _mm256_and_si256(seen, load_words(to));
+            }
+          }
+        } else {
+          SegmentWalk walk(at, back, strides_);
+          while (!is_none(seen) && walk.advance()) {
+            ++n_steps;
+            seen = _mm256_and_si256(seen, load_words(words + walk.at()));
+          }
+        }
+        last = _mm256_or_si256(sure, seen);
+      }
+      const __m256i hidden = _mm256_andnot_si256(seen, open);
+      store_words(counts_.waiting[counts_.n_waiting], hidden);
+      if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
+        add_up_avx2(counts_.sums, counts_.waiting);
+        counts_.n_waiting = 0;
+      }
+    }
+    store_words(seen_at, last);
+    at += row.step;
+    d[0] += row.step;
+    seen_at += 4 * row.step;
+    probes_i += kProbes * row.step;
+  }
+  n_steps_ += n_steps;
+}
+#endif
+
+}  // namespace voxkernel

@@ -1,0 +1,91 @@
+// What the voxels of a tile do not see of their object, all of them at once: a bit for each.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "label_crop.h"
+#include "label_segments.h"
+#include "spans.h"
+#include "stop.h"
+
+namespace voxkernel {
+
+// A tile has 4 x 8 x 8 voxels of the crop, or 4 x 64 of a flat one. The segments by one d from all its voxels touch
+// what the tile covers when it is moved along one of them: of all these places the bits of "in the object" have to
+// be 1.
+class LabelTiles {
+ public:
+  static constexpr Index kVoxels = 256;
+
+  // Whether the crop is small enough for forty bytes a voxel.
+  static bool is_small(const Crop& crop) { return crop.size() <= kLargest; }
+  explicit LabelTiles(const Crop& crop);
+
+  // Edges of a tile along the axes of the crop.
+  const Index* edges() const { return edges_; }
+  // What bounding one tile takes in steps.
+  Index n_places() const { return n_places_; }
+  // How many voxels of the object are hidden at least from voxel (i, j, k) of the tile with a given lowest voxel, at
+  // `hidden[(i * edge + j) * edge + k]`; anything outside the object. `n_steps` grows by about the places looked at.
+  void bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
+  // How many are, for the voxels where that number is at most `enough`; a larger number for others.
+  void look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
+
+ private:
+  using Word = std::uint64_t;
+  static constexpr Index kLargest = Index{1} << 20;
+  static constexpr int kLevels = 24;  // bits of a count
+  static constexpr int kProbes = 7;
+
+  // Counts of 256 voxels, a level for each bit of them; what is added waits until there are sixteen.
+  struct Counts {
+    static constexpr Index kWaiting = 16;
+    Word sums[kLevels][4], waiting[kWaiting][4];
+    Index n_waiting = 0;
+
+    void clear();
+    void settle();
+    bool are_above(Index enough, const Word* of) const;
+    void write(Span<Index> counts) const;
+  };
+  // Places of a tile in a row, from the nearest to the one at work outwards.
+  struct Row {
+    Index at, n, step;     // the first, how many, from one to the next
+    Index d[3];            // from the tile at work to the first
+    Index back_j, back_k;  // to the row nearer along the other axes; 0 where there is none
+  };
+
+  // What is seen in the rows nearer along the second axis, the third and both, at the first place of a row.
+  struct Near {
+    const Word *j, *k, *jk;
+    Index step_j, step_k, step_jk;
+    Index longest;  // of the two components
+    bool is_j;      // whether that is the second
+  };
+
+  Near near_of(const Row& row) const;
+  void stand_at(const Index* low);
+  void probe(Index j, Index k);
+  void probe_avx2(Index j, Index k);
+  void look_at_rows(Index j, Index k);
+  void look_at(const Row& row);
+  void look_at_avx2(const Row& row);
+  template <typename See, typename GoesOn>
+  void walk(Index at, const Index* d, See&& see, GoesOn&& goes_on);
+
+  int axes_[3];  // of the crop, those of a tile's edges of 4, 8 and 8, or of 4, 1 and 64
+  Index margin_[3], shape_[3], strides_[3], edges_[3];
+  std::vector<Word> words_;  // of each place, what a layer of the tile covers of the object; layers are neighbours
+  std::vector<Word> seen_;   // of each place, which voxels of the tile at work see what is there; four words
+  std::vector<Word> ones_;
+  std::vector<std::int32_t> first_, last_;  // places of a row where a tile covers some of the object
+  std::vector<std::int32_t> probes_[3];     // by how much the places of probes differ for each d along an axis
+  SegmentSteps steps_;
+  Counts counts_;
+  Index low_[3] = {0, 0, 0}, at_ = 0;  // of the tile at work
+  Word own_[4] = {0, 0, 0, 0};         // which of its voxels are looked from
+  Index n_steps_ = 0, n_places_ = 0;
+};
+
+}  // namespace voxkernel
