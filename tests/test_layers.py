@@ -16,7 +16,7 @@ PACKAGE = Path(voxkernel.__file__).parent
 # Top to bottom: a row imports from rows above it, and one that has words beside it from those and the ground only.
 GROUND = (
     "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_frozen", "_plain", "_input_file",
-    "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml",
+    "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml", "_dask_client",
 )  # fmt: skip
 FOLDERS = {
     "mesh": None,

@@ -12,7 +12,8 @@ from voxkernel._core import N_BINS, deepest_point
 from voxkernel.halfspaces import Feasibility, HalfSpaces, Witness
 from voxkernel.halfspaces.feasibility import EVERY_DIRECTION, exact_feasibility
 from voxkernel.halfspaces.witness import empty_witness
-from voxkernel.large.streamed_planes import Rows, StreamedPlanes
+from voxkernel.large.plane_tasks import Rows
+from voxkernel.large.streamed_planes import StreamedPlanes
 
 __all__ = ["find_streamed_feasibility", "sampled_witness"]
 

@@ -14,6 +14,7 @@ from voxkernel.exact.exact_kernel import kernel_of_stream
 from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, Frame, SurfaceArgument, SurfaceLike, surface_argument
 from voxkernel.large import StreamedSurface
+from voxkernel.large.passes import workers_of
 from voxkernel.large.stream_mesh import reader_of
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.root_cube import DEFAULT_DEPTH, MIN_DEPTH, RootCube, cube_planes, root_cube
@@ -68,7 +69,7 @@ def voxel_kernel(
     facets : int array or bool mask, optional
         Restrict the surface to these facets.
     threads : int
-        Threads for relaxed kernels; the result does not depend on it.
+        Threads for relaxed kernels and for the chunks of a stream; the result does not depend on it.
 
     Returns
     -------
@@ -120,7 +121,8 @@ def voxel_kernel(
             raise ValueError("`tolerance` must be 0 and `margin` None for a streamed surface; got a relaxed kernel")
         if frame != "world":
             raise ValueError(f"`frame` must be 'world' for a streamed surface; got {frame!r}")
-        return _of_stream(reader_of(surface, facets), domain, step)
+        with workers_of(n_threads) as workers:
+            return _of_stream(reader_of(surface, facets).by(workers), domain, step, n_threads)
     found = surface_argument(surface, facets)
     axes = found.axes(frame)
     if above_least is not None:
@@ -130,10 +132,10 @@ def voxel_kernel(
     return _exact(found, domain, axes, step)
 
 
-def _of_stream(reader: SurfaceReader, domain: Any, step: Step) -> KernelGrid:
+def _of_stream(reader: SurfaceReader, domain: Any, step: Step, threads: int) -> KernelGrid:
     """Run the octree on the planes that can make a difference to a voxel."""
     depth, voxel_size, rtol = step
-    kernel = kernel_of_stream(reader, domain)
+    kernel = kernel_of_stream(reader, domain, threads=threads)
     facts, region = reader.facts(), kernel.domain
     corners = np.stack([facts.low, facts.high]) if region is None else region.vertices
     if rtol is not None:
