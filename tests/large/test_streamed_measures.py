@@ -103,9 +103,7 @@ def test_voxels_are_those_of_memory(mesh, options):
     assert threaded.to_dict() == whole.to_dict()
 
 
-def test_relaxed_voxels_are_refused():
+def test_axes_of_the_surface_are_refused():
     surface = voxkernel.stream_mesh(STAR)
-    with pytest.raises(ValueError, match="`tolerance` must be 0 and `margin` None for a streamed surface"):
-        voxkernel.voxel_kernel(surface, tolerance=0.1)
     with pytest.raises(ValueError, match="`frame` must be 'world' for a streamed surface; got 'principal'"):
         voxkernel.voxel_kernel(surface, frame="principal")
