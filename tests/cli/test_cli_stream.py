@@ -22,7 +22,9 @@ def said(capsys, *words):
     return capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [["kernel"], ["kernel", "--depth", "5"], ["score"], ["center"]])
+@pytest.mark.parametrize(
+    "command", [["kernel"], ["kernel", "--threads", "2"], ["kernel", "--depth", "5"], ["score"], ["center"]]
+)
 def test_answers_are_those_of_memory(star, command, capsys):
     name, *options = command
     for form in ([], ["--json"]):
@@ -55,6 +57,8 @@ def test_a_note_says_that_most_facets_stay(tmp_path, capsys):
     ("words", "message"),
     [
         (["kernel", "x.ply", "--stream", "--picture", "x.png"], "--picture must not be given with --stream"),
+        (["kernel", "x.ply", "--scheduler", "tcp://x:1"], "--scheduler must be given with --stream and without a"),
+        (["kernel", "x.ply", "--stream", "--scheduler", "tcp://x:1", "--depth", "5"], "--scheduler must be given with"),
         (["center", "x.ply", "--stream", "--visible"], "--visible and --profile must not be given with --stream"),
     ],
 )

@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from voxkernel._core import exact_cells, least_violated, relaxed_cells, violation_cells
+from voxkernel._core import add_open_weights, exact_cells, least_violated, relaxed_cells, violation_cells
 
 plane_rows = st.lists(
     st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3), st.integers(1, 9)).filter(
@@ -217,3 +217,68 @@ def test_arrays_are_not_converted():
     numbers = np.column_stack([normals, reach, offsets])
     with pytest.raises(TypeError, match="incompatible function arguments"):
         relaxed_cells(numbers, weights, 0, 0, weights, weights, np.array([0, 1, 2]), 4, -1, weights, 99, False)
+
+
+def codes_of(ijk, level):
+    """Three bits a level, x before y before z."""
+    bits = [(ijk[:, axis] >> k & 1) << 3 * k + 2 - axis for k in range(level) for axis in range(3)]
+    return np.sum([np.zeros(len(ijk), int), *bits], axis=0)
+
+
+def sums_over(rows, weights, level):
+    """What each cell of a level violates, for certain and at most, by the signs at its corners."""
+    sums = np.zeros((2, *(2**level,) * 3), np.int64)
+    for weight, (low, high, _) in zip(weights, corner_signs(rows, level), strict=True):
+        sums += weight * np.array([low > 0, high > 0])
+    return sums
+
+
+@settings(max_examples=30)
+@given(plane_rows, st.sampled_from([(0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0)]), st.integers(0, 2**32 - 1))
+def test_add_open_weights(rows, levels, seed):
+    """Sums of open cells and all below them, and of voxels, are those of the signs of integers at their corners."""
+    (level, below), rng = levels, np.random.default_rng(seed)
+    rows = [row for row in rows if abs(row[0]) + abs(row[1]) + abs(row[2]) != 1]  # those meet corners of voxels
+    normals, offsets = unit_planes(rows)
+    weights = rng.integers(1, 100, len(rows))
+    every = np.argwhere(np.ones((2**level,) * 3, bool))
+    codes = np.sort(codes_of(every, level)[rng.random(len(every)) < 0.6])
+    n_down, last = (8 ** (below + 1) - 1) // 7, level + below
+    sums = np.zeros((len(codes), n_down, 2), np.int64)
+    bricks = np.zeros((len(codes) << 3 * below, 2, 8, 8, 8), np.int64)
+    pads = 1e-13 * 2.0 ** (last + 4)
+    numbers = np.column_stack([normals, reach_of(normals) + pads, 0.5 * normals.sum(axis=1) - offsets])
+    half = len(rows) // 2
+    for part in (slice(half), slice(half, None)):  # chunks add up
+        add_open_weights(
+            np.ascontiguousarray(numbers[part]), weights[part], level, codes, below, sums.reshape(-1),
+            bricks.reshape(-1),
+        )  # fmt: skip
+    start = 0
+    for k in range(below + 1):
+        ijk = np.argwhere(np.ones((2 ** (level + k),) * 3, bool))
+        ijk = ijk[np.argsort(codes_of(ijk, level + k))]
+        exact = sums_over(rows, weights, level + k)[:, ijk[:, 0], ijk[:, 1], ijk[:, 2]]
+        low, high = exact.reshape(2, -1, 8**k)[:, codes]
+        certain, possible = np.moveaxis(sums[:, start : start + 8**k], 2, 0)
+        start += 8**k
+        assert (certain <= low).all()
+        assert (possible >= high).all()
+        clear = ~touched(rows, level + k)[ijk[:, 0], ijk[:, 1], ijk[:, 2]].reshape(-1, 8**k)[codes]
+        np.testing.assert_array_equal(certain[clear], low[clear])
+        np.testing.assert_array_equal(possible[clear], high[clear])
+    fine, clear = sums_over(rows, weights, last + 3), ~touched(rows, last + 3)
+    ijk = np.argwhere(np.ones((2**last,) * 3, bool))
+    ijk = ijk[np.argsort(codes_of(ijk, last))].reshape(-1, 8**below, 3)[codes].reshape(-1, 3)
+    for corner, (certain, possible) in zip(8 * ijk, bricks.transpose(0, 1, 3, 4, 2), strict=True):
+        box = tuple(slice(c, c + 8) for c in corner)
+        np.testing.assert_array_equal(certain[clear[box]], fine[0][box][clear[box]])
+        np.testing.assert_array_equal(possible[clear[box]], fine[1][box][clear[box]])
+
+
+def touched(rows, level):
+    """Cells with a corner on a plane."""
+    found = np.zeros((2**level,) * 3, bool)
+    for _, _, on_plane in corner_signs(rows, level):
+        found |= on_plane
+    return found

@@ -20,6 +20,9 @@ def test_violation(chunk, weights):
     points = np.concatenate([POINTS, mesh[0][:5]])  # corners lie on planes
     found = voxkernel.violation(voxkernel.stream_mesh(mesh, chunk_facets=chunk), points, weights=given)
     np.testing.assert_array_equal(found, voxkernel.violation(mesh, points, weights=given))
+    if chunk == 7:
+        surface = voxkernel.stream_mesh(mesh, chunk_facets=chunk)
+        np.testing.assert_array_equal(voxkernel.violation(surface, points, weights=given, threads=3), found)
 
 
 def test_weights_that_cannot_be():
@@ -96,11 +99,11 @@ def test_voxels_are_those_of_memory(mesh, options):
     whole = voxkernel.voxel_kernel(mesh, **options)
     assert streamed.volume_bounds == whole.volume_bounds
     assert streamed.to_dict() == whole.to_dict()
+    threaded = voxkernel.voxel_kernel(voxkernel.stream_mesh(mesh, chunk_facets=99), threads=2, **options)
+    assert threaded.to_dict() == whole.to_dict()
 
 
-def test_relaxed_voxels_are_refused():
+def test_axes_of_the_surface_are_refused():
     surface = voxkernel.stream_mesh(STAR)
-    with pytest.raises(ValueError, match="`tolerance` must be 0 and `margin` None for a streamed surface"):
-        voxkernel.voxel_kernel(surface, tolerance=0.1)
     with pytest.raises(ValueError, match="`frame` must be 'world' for a streamed surface; got 'principal'"):
         voxkernel.voxel_kernel(surface, frame="principal")

@@ -1,5 +1,6 @@
 #include "bind.h"
 #include "octree.h"
+#include "open_weights.h"
 #include "relaxed.h"
 
 namespace voxkernel {
@@ -53,6 +54,25 @@ void bind_octree(nb::module_& m) {
       "pending, pending_numbers, pending_weights): `*_of` is the threshold a row belongs to, counts are in voxels\n"
       "per threshold. A row of `pending` is a cell to go on with: ijk, first plane, first facet plane, end,\n"
       "certain weight, range of thresholds.");
+  m.def(
+      "add_open_weights",
+      [](Array2<const double, 5> numbers, Array1<const Index> weights, int level, Array1<const Index> codes, int below,
+         Array1<Index> sums, Array1<Index> bricks, StopFlag* flag) {
+        without_lock(
+            [&](Stop& stop) {
+              add_open_weights({rows(numbers), span(weights), 0}, {level, span(codes)}, below, span(sums), span(bricks),
+                               stop);
+              return 0;
+            },
+            flag);
+      },
+      array("numbers"), array("weights"), nb::arg("level"), array("codes"), nb::arg("below"), array("sums"),
+      array("bricks"), stop_argument(),
+      "Add to `sums` what planes violate of open cells of the unit cube, and of their descendants.\n\n"
+      "`numbers` are normal, reach, value at the centre of the cube. `codes` name the open cells of `level`, ascending:\n"
+      "three bits a level, x before y before z. `sums` has pairs (certain, possible): for each open cell its own, then\n"
+      "those of its descendants, level by level, down to `below`. Unless `bricks` is empty, the last of them are bricks\n"
+      "of 8^3 voxels, and 512 certain and 512 possible sums of each are added there; entry 64 z + 8 x + y.");
 }
 
 }  // namespace voxkernel

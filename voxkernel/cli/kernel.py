@@ -40,7 +40,7 @@ EXAMPLES = (
     "voxkernel kernel bust.ply --rtol 0.01 --frame principal --json",
     "voxkernel kernel city/ --stream -o kernel.json",
 )
-_GRID_OPTIONS = ("depth", "voxel_size", "rtol", "tolerance", "margin", "threads", "frame")
+_GRID_OPTIONS = ("depth", "voxel_size", "rtol", "tolerance", "margin", "frame")
 _GRIDS = (".npz", ".vdb", ".vtu")
 _SUFFIXES = (".ply", ".json", *_GRIDS, ".vtp", ".glb")
 _NAMES = ("point", "segment", "flat polygon", "solid")
@@ -57,6 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)"
     )
+    parser.add_argument("--threads", type=_threads, default=1, metavar="N", help="threads; 1 by default")
+    parser.add_argument(
+        "--scheduler", metavar="URL", help="with --stream: a Dask scheduler to use and trust, tls://host:8786"
+    )
     grid = parser.add_argument_group("voxel grid")
     step = grid.add_mutually_exclusive_group()
     step.add_argument("--depth", type=_depth, metavar="N", help="2**N voxels along the root cube, 3 to 20")
@@ -69,7 +73,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     relaxed.add_argument(
         "--margin", type=_share, metavar="M", help="the same, counted from the smallest share there is"
     )
-    grid.add_argument("--threads", type=_threads, metavar="N", help="threads for relaxed kernels; 1 by default")
     grid.add_argument(
         "--frame", choices=("world", "principal"), help="axes of the grid: the world's or the surface's own"
     )
@@ -87,6 +90,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.stream and picture is not None:
         raise UsageError("--picture must not be given with --stream: a picture wants the mesh in memory")
+    if args.scheduler is not None and (not args.stream or as_grid):
+        raise UsageError("--scheduler must be given with --stream and without a voxel grid")
 
     from voxkernel.mesh import as_mesh
 
@@ -96,14 +101,16 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.voxels import voxel_kernel
 
         with args.stage("computing voxels"):
-            kernel: Kernel = voxel_kernel(mesh, domain=args.domain, **options)
+            kernel: Kernel = voxel_kernel(mesh, domain=args.domain, threads=args.threads, **options)
         document = kernel.to_dict()
         rows = _grid_rows(document)
     else:
         from voxkernel.exact import exact_kernel
 
         with args.stage("computing the exact kernel"):
-            kernel = polytope = exact_kernel(mesh, domain=args.domain)
+            kernel = polytope = exact_kernel(
+                mesh, domain=args.domain, threads=args.threads, scheduler=args.scheduler
+            )
         document = kernel.to_dict()
         rows = _exact_rows(polytope)
     document = {"file": args.mesh, **document}

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from voxkernel._dask_client import client_of, result_of
 from voxkernel._extras import optional
 from voxkernel.errors import SolverError
 from voxkernel.evaluation.fork_server import interrupt_blocked, start_method
@@ -58,15 +59,8 @@ class Cluster:
         return set(self.client.nthreads())
 
     def result_of(self, future: Any, *, timeout: float) -> Any:
-        """Give what a task has returned, or raise what it has raised.
-
-        `Future.result` of Dask, interrupted, cancels its own waiting halfway and writes on stderr what that leaves
-        behind. Here only the caller stops waiting.
-        """
-        import asyncio
-
-        waiting = self.client.gather(future, asynchronous=True)
-        return asyncio.run_coroutine_threadsafe(waiting, self.client.loop.asyncio_loop).result(timeout)
+        """Give what a task has returned, or raise what it has raised."""
+        return result_of(self.client, future, timeout=timeout)
 
     def end_of(self, address: str) -> tuple[int, bool] | None:
         """Give exit code of a local worker that is gone, and whether it was ended for its memory."""
@@ -88,12 +82,9 @@ def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool =
     distributed, config = optional("distributed"), optional("dask").config
     if settings.scheduler is not None:
         try:
-            # A client that cannot read its address does not end in order.
-            optional("distributed.comm.addressing").get_address_host(settings.scheduler)
-            client = distributed.Client(settings.scheduler, timeout="5s", set_as_default=False)
-        except (OSError, ValueError) as error:
-            wrong = f"`scheduler` must be the address of a scheduler; got {settings.scheduler!r}"
-            raise BadInput(f"{wrong} ({error})") from None
+            client = client_of(settings.scheduler)
+        except ValueError as error:
+            raise BadInput(str(error)) from None
         with client:
             yield Cluster(client, False)
         return

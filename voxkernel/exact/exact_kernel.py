@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from voxkernel.exact.streamed_kernel import streamed_kernel
 from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces, find_feasibility
 from voxkernel.halfspaces.surface_arguments import EXACT, SurfaceLike, surface_argument
 from voxkernel.large import StreamedSurface
+from voxkernel.large.passes import workers_of
 from voxkernel.large.stream_mesh import reader_of
 from voxkernel.large.surface_reader import SurfaceReader
 
@@ -27,7 +29,12 @@ _SAMPLE = 512
 
 
 def exact_kernel(
-    surface: SurfaceLike | StreamedSurface, *, facets: Any = None, domain: Any = None, threads: int = 1
+    surface: SurfaceLike | StreamedSurface,
+    *,
+    facets: Any = None,
+    domain: Any = None,
+    threads: int = 1,
+    scheduler: str | None = None,
 ) -> KernelPolytope:
     """Compute the kernel of a surface: the points from which the whole surface can be seen.
 
@@ -46,6 +53,9 @@ def exact_kernel(
         volume and "ball" for open ones, whose kernel can be unbounded.
     threads : int
         Threads, at least 1; the result does not depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers go through the chunks of a streamed surface, such as
+        ``"tcp://10.0.0.1:8786"``; files must have the same path there. The result is that of this process alone.
 
     Returns
     -------
@@ -57,7 +67,10 @@ def exact_kernel(
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
     ValueError
-        If the domain cannot be used, or half-spaces without a domain have an unbounded kernel.
+        If the domain cannot be used, or half-spaces without a domain have an unbounded kernel; if there is no
+        scheduler at the address, or the surface is none of `stream_mesh`.
+    SolverError
+        If the workers of the scheduler are lost and do not come back.
 
     Notes
     -----
@@ -81,7 +94,11 @@ def exact_kernel(
     """
     n_threads = as_depth("threads", threads, 1, 256)
     if isinstance(surface, StreamedSurface):
-        return kernel_of_stream(reader_of(surface, facets), domain)
+        reader = reader_of(surface, facets)
+        with workers_of(n_threads, scheduler) as workers:
+            return kernel_of_stream(reader.by(workers), domain, threads=n_threads)
+    if scheduler is not None:
+        raise ValueError(f"`scheduler` must be None unless the surface is one of `stream_mesh`; got {scheduler!r}")
     found = surface_argument(surface, facets, threads=n_threads)
     return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=n_threads)
 
@@ -106,9 +123,9 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threa
     return polytope_of(shape, domain, cut, not cut or is_bounded(halfspaces), proof, own)
 
 
-def kernel_of_stream(surface: SurfaceReader, domain: Any) -> KernelPolytope:
+def kernel_of_stream(surface: SurfaceReader, domain: Any, *, threads: int = 1) -> KernelPolytope:
     """Compute the kernel of a streamed surface; `domain` is what `exact_kernel` takes."""
-    return streamed_kernel(surface, domain, kernel_of_halfspaces)
+    return streamed_kernel(surface, domain, partial(kernel_of_halfspaces, threads=threads))
 
 
 def _solid_shape(planes: HalfSpaces, inside: Feasibility, threads: int) -> Shape | None:

@@ -20,8 +20,9 @@ from voxkernel.exact.meeting_points import RationalPoint
 from voxkernel.halfspaces import Domain, Feasibility, HalfSpaces
 from voxkernel.halfspaces.predicates import exact_slacks
 from voxkernel.halfspaces.surface_arguments import EXACT
+from voxkernel.large.plane_tasks import Rows
 from voxkernel.large.streamed_feasibility import find_streamed_feasibility, sampled_witness
-from voxkernel.large.streamed_planes import Rows, StreamedPlanes
+from voxkernel.large.streamed_planes import StreamedPlanes
 from voxkernel.large.surface_reader import SurfaceReader
 
 __all__ = ["streamed_kernel"]

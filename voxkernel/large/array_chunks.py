@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel.errors import MeshError, MeshReadError
-from voxkernel.large.chunks import Chunk, Source, check_finite, check_ids, refusal
+from voxkernel.large.chunks import Chunk, Piece, Source, check_finite, check_ids, refusal
 
 __all__ = ["ArraySource", "ChunkSource", "ParquetFile", "Tiles"]
 
@@ -33,7 +33,7 @@ class ArraySource:
             raise TypeError(f"`faces` must be integers; got {self._faces.dtype}")
         self.n_facets: int | None = len(self._faces)
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
+    def pieces(self, size: int) -> Iterator[Chunk]:
         """Read the faces `size` at a time."""
         for number, first in enumerate(range(0, len(self._faces), size)):
             ids = np.ascontiguousarray(self._faces[first : first + size]).astype(np.int64)
@@ -53,7 +53,7 @@ class ChunkSource:
         self.n_facets: int | None = None
         self._make = make
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
+    def pieces(self, size: int) -> Iterator[Chunk]:
         """Ask for the pairs once more; large ones come in parts."""
         first = 0
         for number, pair in enumerate(self._make()):
@@ -92,7 +92,7 @@ class ParquetFile:
         if missing:
             raise MeshReadError(f"{self.name} must have the columns {' '.join(_COLUMNS)}; got none called {missing[0]}")
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
+    def pieces(self, size: int) -> Iterator[Chunk]:
         """Read the rows `size` at a time."""
         first = 0
         with optional("pyarrow.parquet").ParquetFile(self.path) as file:
@@ -110,6 +110,24 @@ class ParquetFile:
         """There is no way but a pass."""
 
 
+class _TilePiece(NamedTuple):
+    """A piece of a tile, whose corners are known by their positions."""
+
+    piece: Piece
+    name: str
+    number: int
+    first: int
+
+    @property
+    def n_facets(self) -> int:
+        return self.piece.n_facets
+
+    def read(self) -> Chunk:
+        corners = self.piece.read().corners
+        check_finite(self.name, self.number, self.first, corners)
+        return Chunk(corners, None)
+
+
 class Tiles:
     """Several sources as one surface; equal corners are one vertex, within a tile and across."""
 
@@ -118,12 +136,13 @@ class Tiles:
         self._tiles = tiles
         self.n_facets: int | None = sum(tile.n_facets or 0 for tile in tiles)
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
-        """Read tile after tile; an error names its chunk and facet in the tile."""
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """Go from tile to tile; an error names its chunk and facet in the tile."""
         for tile in self._tiles:
-            for number, chunk in enumerate(tile.chunks(size)):
-                check_finite(tile.name, number, number * size, chunk.corners)
-                yield Chunk(chunk.corners, None)
+            first = 0
+            for number, piece in enumerate(tile.pieces(size)):
+                yield _TilePiece(piece, tile.name, number, first)
+                first += piece.n_facets
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64] | None:
         """Corners of some facets, if every tile knows them without a pass."""

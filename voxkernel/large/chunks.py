@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from voxkernel.errors import MeshError
 
-__all__ = ["Chunk", "Source", "check_finite", "check_ids", "refusal"]
+__all__ = ["Chunk", "Indexed", "IndexedPiece", "Piece", "Source", "check_finite", "check_ids", "pieces_of", "refusal"]
 
 
 class Chunk(NamedTuple):
@@ -18,6 +18,28 @@ class Chunk(NamedTuple):
 
     corners: NDArray[np.float64]
     ids: NDArray[np.int64] | None
+
+    @property
+    def n_facets(self) -> int:
+        """Triangles."""
+        return len(self.corners)
+
+    def read(self) -> Chunk:
+        """Nothing is left to read."""
+        return self
+
+
+class Piece(Protocol):
+    """A chunk that has been read, or what another thread or process needs to read it."""
+
+    @property
+    def n_facets(self) -> int:
+        """Triangles."""
+        ...
+
+    def read(self) -> Chunk:
+        """Read it, if it has not been read."""
+        ...
 
 
 class Source(Protocol):
@@ -30,13 +52,40 @@ class Source(Protocol):
     name: str
     n_facets: int | None
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
-        """Read all of it, at most `size` triangles at a time."""
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """All of it, at most `size` triangles at a time."""
         ...
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64] | None:
         """Corners of some facets."""
         ...
+
+
+class Indexed(Protocol):
+    """A source whose chunks can be read in any order, wherever its file is."""
+
+    def chunk(self, number: int, size: int) -> Chunk:
+        """Read chunk `number` of those of `size` triangles."""
+        ...
+
+
+class IndexedPiece(NamedTuple):
+    """Chunk `number` of a source."""
+
+    source: Indexed
+    number: int
+    size: int
+    n_facets: int
+
+    def read(self) -> Chunk:
+        """Read it."""
+        return self.source.chunk(self.number, self.size)
+
+
+def pieces_of(source: Indexed, n: int, size: int) -> Iterator[IndexedPiece]:
+    """All chunks of a source of `n` triangles."""
+    for number, first in enumerate(range(0, n, size)):
+        yield IndexedPiece(source, number, size, min(size, n - first))
 
 
 def refusal(name: str, chunk: int, facet: int, text: str) -> MeshError:

@@ -36,6 +36,12 @@ class EdgeSums:
                 signed = np.where(begin < end, hashes, ~hashes + np.uint64(1))
                 self._sums[k] += int(signed.sum(dtype=np.uint64, where=begin != end))
 
+    def joined(self, other: EdgeSums) -> EdgeSums:
+        """Those of both."""
+        both = EdgeSums()
+        both._sums = [a + b for a, b in zip(self._sums, other._sums, strict=True)]
+        return both
+
     @property
     def is_zero(self) -> bool:
         """Whether all cancelled."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._input_file import input_file
 from voxkernel.errors import MeshReadError
-from voxkernel.large.chunks import Chunk, check_ids, refusal
+from voxkernel.large.chunks import Chunk, Piece, check_ids, pieces_of, refusal
 from voxkernel.mesh.ply import INDEX_NAMES, Element, parse_header
 
 __all__ = ["PlyFile", "StlFile"]
@@ -99,20 +99,22 @@ class PlyFile:
     def _other_size(self, chunk: int, facet: int, n: int) -> Exception:
         return refusal(self.name, chunk, facet, f"must be a triangle to be streamed; got {n} corners")
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
-        """Read the faces `size` at a time."""
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """The faces, `size` at a time."""
         self._check_end(size)
-        if not self._faces[1] or not self._vertices[1]:
-            return
+        return pieces_of(self, self._faces[1] if self._vertices[1] else 0, size)
+
+    def chunk(self, number: int, size: int) -> Chunk:
+        """Read some of the faces."""
         points, faces = self._rows()
-        for number, first in enumerate(range(0, len(faces), size)):
-            rows = np.asarray(faces[first : first + size])
-            other = np.flatnonzero(rows["size"] != 3)
-            if len(other):
-                raise self._other_size(number, first + int(other[0]), int(rows["size"][other[0]]))
-            ids = np.ascontiguousarray(rows["corners"]).astype(np.int64)
-            check_ids(self.name, number, first, ids, len(points))
-            yield Chunk(_positions(points, ids), ids)
+        first = number * size
+        rows = np.asarray(faces[first : first + size])
+        other = np.flatnonzero(rows["size"] != 3)
+        if len(other):
+            raise self._other_size(number, first + int(other[0]), int(rows["size"][other[0]]))
+        ids = np.ascontiguousarray(rows["corners"]).astype(np.int64)
+        check_ids(self.name, number, first, ids, len(points))
+        return Chunk(_positions(points, ids), ids)
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
         """Corners of some facets."""
@@ -150,8 +152,8 @@ class StlFile:
     def _rows(self) -> np.memmap[tuple[int], np.dtype[np.void]]:
         return np.memmap(self.path, _STL_ROW, "r", offset=_STL_HEAD, shape=(self.n_facets or 0,))
 
-    def chunks(self, size: int) -> Iterator[Chunk]:
-        """Read the facets `size` at a time."""
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """The facets, `size` at a time."""
         n = self.n_facets or 0
         missing = _STL_HEAD + _STL_ROW.itemsize * n - self._size
         if missing > 0:
@@ -160,11 +162,11 @@ class StlFile:
             raise MeshReadError(f"{self.name}, {where}: the file ends before its {n} facets do")
         if missing < 0:
             raise MeshReadError(f"{self.name} cannot be streamed: it has {-missing} bytes more than {n} facets take")
-        if not n:
-            return
-        rows = self._rows()
-        for first in range(0, n, size):
-            yield Chunk(_doubles(rows[first : first + size]["corners"]), None)
+        return pieces_of(self, n, size)
+
+    def chunk(self, number: int, size: int) -> Chunk:
+        """Read some of the facets."""
+        return Chunk(_doubles(self._rows()[number * size : (number + 1) * size]["corners"]), None)
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
         """Corners of some facets."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
+from functools import partial
+from operator import or_
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -29,10 +32,13 @@ from voxkernel.halfspaces.rational_program import rank_of
 from voxkernel.halfspaces.surface_arguments import DefaultDomain
 from voxkernel.large.chunks import Chunk, Source, check_finite
 from voxkernel.large.edge_sums import EdgeSums
+from voxkernel.large.passes import HERE, Merge, Part, Place, Task, Workers
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.files import Polygons, merge_equal_corners
 
 __all__ = ["StreamFacts", "StreamProgress", "SurfaceReader"]
+
+_FEW = 4096  # facets of a chunk whose normals span space, as a rule, where those of all do
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +85,10 @@ class StreamFacts(NamedTuple):
         """Facets with an area."""
         return self.n_facets - len(self.degenerate)
 
+    def planes_before(self, facet: int) -> int:
+        """How many facets with an area come before one."""
+        return facet - int(np.searchsorted(self.degenerate, facet))
+
     def facets_of(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """The facets of some planes: those without area have none."""
         before = self.degenerate - np.arange(len(self.degenerate))
@@ -94,6 +104,13 @@ class SurfaceReader:
         self.chunk_facets = chunk_facets
         self._source, self._progress = source, progress
         self._kept: dict[str, object] = {}
+        self._workers: Workers = HERE
+
+    def by(self, workers: Workers) -> SurfaceReader:
+        """The same surface with others that make its passes; what is found out is kept for both."""
+        reader = copy(self)
+        reader._workers = workers
+        return reader
 
     @property
     def name(self) -> str:
@@ -113,18 +130,27 @@ class SurfaceReader:
         assert isinstance(found, StreamFacts)
         return found
 
+    def folded(self, stage: str, task: Task, merge: Merge) -> Any:
+        """One pass: what `task` makes of every chunk, merged, neighbours first; see `passes`."""
+        return self._workers.folded(self._parts(stage), task, merge)
+
     def chunks(self, stage: str) -> Iterator[tuple[int, Chunk]]:
-        """Read all of it once: the first facet of every chunk, and the chunk."""
+        """Read all of it once, here: the first facet of every chunk, and the chunk."""
+        for place, piece in self._parts(stage):
+            yield place.facet, piece.read()
+
+    def _parts(self, stage: str) -> Iterator[Part]:
         facts = self._kept.get("facts")
-        total = facts.n_facets if isinstance(facts, StreamFacts) else self._source.n_facets
+        known = facts if isinstance(facts, StreamFacts) else None
+        total = self._source.n_facets if known is None else known.n_facets
         start, done = perf_counter(), 0
-        for chunk in self._source.chunks(self.chunk_facets):
-            yield done, chunk
-            done += len(chunk.corners)
+        for number, piece in enumerate(self._source.pieces(self.chunk_facets)):
+            yield Part(Place(number, done, done if known is None else known.planes_before(done)), piece)
+            done += piece.n_facets
             self._tell(StreamProgress(stage, done, total, perf_counter() - start))
-        if isinstance(facts, StreamFacts) and done != facts.n_facets:
+        if known is not None and done != known.n_facets:
             raise MeshError(
-                f"`source` must give the same facets in every pass; got {done} after {facts.n_facets} "
+                f"`source` must give the same facets in every pass; got {done} after {known.n_facets} "
                 "(give a function that starts anew)"
             )
 
@@ -167,23 +193,13 @@ class SurfaceReader:
 
     def _read_facts(self) -> StreamFacts:
         """Bounding box, smallest magnitude, and which facets have no area, decided exactly."""
-        low, high, smallest = np.full(3, np.inf), np.full(3, -np.inf), np.inf
-        degenerate: list[NDArray[np.int64]] = []
-        n = 0
-        for number, (first, chunk) in enumerate(self.chunks("frame")):
-            check_finite(self._source.name, number, first, chunk.corners)
-            points = chunk.corners.reshape(-1, 3)
-            ids = np.arange(len(points)).reshape(-1, 3)
-            lowest, highest, least = coordinate_range(points, ids)
-            low, high, smallest = np.minimum(low, lowest), np.maximum(high, highest), min(smallest, least)
-            degenerate.append(first + _without_area(points, ids, lowest, highest))
-            n += len(ids)
-        if not n:
+        found = self.folded("frame", partial(_look, self._source.name), _both_looks)
+        if found is None or not found.n_facets:
             raise MeshError(f"{self._source.name} must hold facets; got none")
-        ids = np.concatenate(degenerate)
+        n, ids = found.n_facets, found.degenerate
         if len(ids) == n:
             raise MeshError(f"{self._source.name} must have a facet with positive area; got {n} facets without area")
-        return StreamFacts(n, ids, low, high, LocalFrame.of_range(low, high, smallest))
+        return StreamFacts(n, ids, found.low, found.high, LocalFrame.of_range(found.low, found.high, found.smallest))
 
     @property
     def bounds_volume(self) -> bool:
@@ -204,14 +220,11 @@ class SurfaceReader:
         return bool(self._kept.get("closed", False))
 
     def _read_closed(self) -> bool:
-        sums, frame = EdgeSums(), self.facts().frame
-        spans = False
-        for _, chunk in self.chunks("closed"):
-            sums.add(chunk)
-            if not spans:
-                normals = HalfSpaces._in_frame(chunk.corners, np.arange(len(chunk.corners)), frame).local_normals
-                spans = len(normals) > 0 and span_space(normals, ())
-        return sums.is_zero and (spans or rank_of(self._exact_normals()) == 3)
+        frame = self.facts().frame
+        sums, spans = self.folded("closed", partial(_edges, frame), _both_edges)
+        if not sums.is_zero or spans:
+            return sums.is_zero
+        return self.folded("closed", partial(_all_span, frame), or_) or rank_of(self._exact_normals()) == 3
 
     def _exact_normals(self) -> Iterator[tuple[int, int, int]]:
         for _, chunk in self.chunks("closed"):
@@ -270,6 +283,52 @@ class SurfaceReader:
         n = len(corners)
         soup = merge_equal_corners(Polygons(corners, np.arange(n), np.full(n // 3, 3)))
         return TriangleMesh.from_triangles(soup.vertices, soup.flat.reshape(-1, 3), source=self.name)
+
+
+class _Look(NamedTuple):
+    """What a look at some facets says: how many, the ids of those without area, box and smallest magnitude."""
+
+    n_facets: int
+    degenerate: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    smallest: float
+
+
+def _look(name: str, place: Place, chunk: Chunk) -> _Look:
+    check_finite(name, place.number, place.facet, chunk.corners)
+    points = chunk.corners.reshape(-1, 3)
+    ids = np.arange(len(points)).reshape(-1, 3)
+    if not len(ids):
+        return _Look(0, np.empty(0, np.int64), np.full(3, np.inf), np.full(3, -np.inf), np.inf)
+    low, high, smallest = coordinate_range(points, ids)
+    return _Look(len(ids), place.facet + _without_area(points, ids, low, high), low, high, smallest)
+
+
+def _both_looks(first: _Look, second: _Look) -> _Look:
+    degenerate = np.concatenate([first.degenerate, second.degenerate])
+    low, high = np.minimum(first.low, second.low), np.maximum(first.high, second.high)
+    return _Look(first.n_facets + second.n_facets, degenerate, low, high, min(first.smallest, second.smallest))
+
+
+def _edges(frame: LocalFrame, _: Place, chunk: Chunk) -> tuple[EdgeSums, bool]:
+    """Sums over edges, and whether the normals of a few facets certainly span space."""
+    sums = EdgeSums()
+    sums.add(chunk)
+    return sums, _span(chunk.corners[:: max(1, len(chunk.corners) // _FEW)], frame)
+
+
+def _all_span(frame: LocalFrame, _: Place, chunk: Chunk) -> bool:
+    return _span(chunk.corners, frame)
+
+
+def _span(corners: NDArray[np.float64], frame: LocalFrame) -> bool:
+    normals = HalfSpaces._in_frame(corners, np.arange(len(corners)), frame).local_normals
+    return len(normals) > 0 and span_space(normals, ())
+
+
+def _both_edges(first: tuple[EdgeSums, bool], second: tuple[EdgeSums, bool]) -> tuple[EdgeSums, bool]:
+    return first[0].joined(second[0]), first[1] or second[1]
 
 
 def _without_area(

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain
 from math import fsum
+from operator import add
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel.halfspaces import HalfSpaces
+from voxkernel.large.passes import workers_of
 from voxkernel.large.streamed_planes import StreamedPlanes
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes
@@ -33,21 +35,27 @@ class StreamedWeights:
 
     def _chunks(self, stage: str) -> Iterator[tuple[HalfSpaces, NDArray[np.float64]]]:
         for _, planes in self.planes.parts(stage):
-            if isinstance(self._given, str):
-                values = planes.weights if self._given == "area" else np.ones(len(planes))
-            else:
-                values = self._given[planes.facet_ids]
-            yield planes, values
+            yield planes, self._values(planes)
+
+    def _values(self, planes: HalfSpaces) -> NDArray[np.float64]:
+        if isinstance(self._given, str):
+            return planes.weights if self._given == "area" else np.ones(len(planes))
+        return self._given[planes.facet_ids]
+
+    def of(self, planes: HalfSpaces) -> WeighedPlanes:
+        """Weigh the planes of a chunk; those without weight are left out."""
+        values = self._values(planes)
+        has_weight = values > 0
+        kept, shares = planes.select(has_weight), self.shares(values[has_weight])
+        units = np.maximum(np.rint(shares * UNITS), 1.0).astype(np.int64)
+        return WeighedPlanes(kept, units, shares * (1.0 - 1e-14), self.slack)
 
     def chunks(self, stage: str) -> Iterator[WeighedPlanes]:
         """One pass over the facets of positive weight."""
-        for planes, values in self._chunks(stage):
-            has_weight = values > 0
-            if not has_weight.any():
-                continue
-            kept, shares = planes.select(has_weight), self.shares(values[has_weight])
-            units = np.maximum(np.rint(shares * UNITS), 1.0).astype(np.int64)
-            yield WeighedPlanes(kept, units, shares * (1.0 - 1e-14), self.slack)
+        for _, planes in self.planes.parts(stage):
+            weighed = self.of(planes)
+            if len(weighed.weights):
+                yield weighed
 
     def shares(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Shares of the whole."""
@@ -58,12 +66,9 @@ class StreamedWeights:
         found = [w.shares[np.isin(w.facets.facet_ids, facets)] for w in self.chunks("weights")]
         return float(np.min(np.concatenate(found), initial=np.inf)) if facets else 0.0
 
-    def violated(self, points: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
+    def violated(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """One pass: the integer weights that points violate, every sign exact."""
-        sums = np.zeros(len(points), np.int64)
-        for weighed in self.chunks("violation"):
-            sums += violated_units(weighed, points, threads=threads)
-        return sums
+        return self.planes.folded("violation", lambda _, planes: violated_units(self.of(planes), points), add)
 
 
 def _checked(weights: Any, reader: SurfaceReader) -> str | NDArray[np.float64]:
@@ -83,4 +88,5 @@ def streamed_violation(
     reader: SurfaceReader, points: NDArray[np.float64], weights: Any, threads: int
 ) -> NDArray[np.float64]:
     """Compute the share of a streamed surface that points do not face."""
-    return StreamedWeights(reader, weights).violated(points, threads=threads) / UNITS
+    with workers_of(threads) as workers:
+        return StreamedWeights(reader.by(workers), weights).violated(points) / UNITS

@@ -18,7 +18,9 @@ from voxkernel.relaxed.root_cube import MIN_DEPTH, RootCube, root_cube
 from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.relaxed_octree import RelaxedCells, relaxed_cells_of
 
-__all__ = ["RTOL_MAX_DEPTH", "Step", "as_step", "relaxed_kernels", "still_apart", "voxel_kernels", "wrapped"]
+__all__ = [
+    "RTOL_MAX_DEPTH", "Step", "as_step", "relaxed_kernels", "still_apart", "voxel_kernels", "wrap_relaxed", "wrapped",
+]
 
 RTOL_MAX_DEPTH = 12
 
@@ -134,13 +136,14 @@ def _relaxed(
         levels += 1
         cells = relaxed_cells_of(planes, region, cube, levels, shares, threads=threads)
     return tuple(
-        _wrap_relaxed(c, share, cube, levels, dimension, region, reason) for c, share in zip(cells, shares, strict=True)
+        wrap_relaxed(c, share, cube, levels, dimension, region, reason) for c, share in zip(cells, shares, strict=True)
     )
 
 
-def _wrap_relaxed(
+def wrap_relaxed(
     cells: RelaxedCells, share: float, cube: RootCube, depth: int, dimension: int, region: Domain, reason: str
 ) -> KernelGrid:
+    """Make a result of the cells of one relaxed kernel."""
     volume = (cube.edge / 2**depth) ** 3
     bounds = cells.n_inside * volume * (1 - 1e-14), (cells.n_inside + cells.n_boundary) * volume * (1 + 1e-14)
     if not cells.n_inside + cells.n_boundary:
