@@ -78,11 +78,11 @@ def test_features_of_a_copy_lead_to_its_motion():
 
 def test_thinned_surfaces_are_small_and_near():
     vertices, faces = hills(n=120)
-    thin, few = thinned(vertices, faces, 5000)
+    thin, few = thinned(vertices, faces, 1.5, 5000)
     assert 1000 < len(few) <= 5000
     from scipy.spatial import KDTree
 
     assert KDTree(vertices).query(thin)[0].max() < 0.05
-    same = thinned(vertices, faces, len(faces))
+    same = thinned(vertices, faces, 1.5, len(faces))
     assert same[0] is vertices
     assert same[1] is faces

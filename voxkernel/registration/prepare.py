@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
-from voxkernel._open3d import open3d_mesh
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
 from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
-from voxkernel.mesh.triangles import doubled_normals
-from voxkernel.registration.thin import thinned
+from voxkernel.mesh.triangles import doubled_normals, triangle_areas, without_strays
+from voxkernel.registration.thin import clustered, smoothed, thinned
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
 
@@ -86,45 +84,80 @@ class PreparedSurface(Frozen):
 def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
     HalfSpaces.from_mesh(mesh)  # refuses what has no area or an extent beyond floating point
-    centroid, axes = surface_frame(mesh)
     corners, faces = _connected(mesh)
+    areas = triangle_areas(corners, faces)
+    centroid, axes = _frame(corners, faces, areas)
     vertices = (corners - centroid) @ axes.T
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     T_world_local = np.eye(4)
     T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
-    thin, thin_faces = thinned(vertices, faces)
+    area = float(areas.sum())
+    thin, thin_faces = thinned(vertices, faces, area)
     smooth = _smoothed(thin, thin_faces)
     few = simplified(smooth, thin_faces, diagonal)
     kernels = kernels_of(few, margins)
     vectors = 0.5 * doubled_normals(smooth[thin_faces])
     own_vectors = vectors if len(thin_faces) == len(faces) else 0.5 * doubled_normals(vertices[faces])
     return PreparedSurface(
-        mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
+        mesh, T_world_local, vertices, faces, diagonal, area,
         Skin(thin, thin_faces, _unit(vectors), rim_of(thin_faces, len(thin))), smooth, margins, kernels,
         tuple(kernel_moments(k) for k in kernels),
         samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces, own_vectors),
     )  # fmt: skip
 
 
+def _frame(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], areas: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centroid and principal axes as rows, longest first, of facets taken as points in their middles.
+
+    Signs follow the third moments. A frame to work in: unlike `surface_frame` it need not know triangles inside out.
+    """
+    shares = areas / areas.sum()
+    base = vertices[faces[0, 0]]
+    moved = vertices - base
+    middles = (moved[faces[:, 0]] + moved[faces[:, 1]] + moved[faces[:, 2]]) / 3.0
+    mean = shares @ middles
+    middles -= mean
+    axes = np.linalg.eigh((middles * shares[:, None]).T @ middles)[1][:, ::-1].T.copy()
+    third = shares @ (middles @ axes[:2].T) ** 3
+    axes[:2][third < 0] *= -1
+    axes[2] = np.cross(axes[0], axes[1])
+    return base + mean, axes
+
+
 def rim_of(faces: NDArray[np.int64], count: int) -> Rim:
-    """Find the edges that belong to one facet only."""
-    ends = np.sort(np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1), axis=2)
-    keys = ends[:, :, 0] * np.int64(count) + ends[:, :, 1]
+    """Find the edges that belong to one facet only.
+
+    Where facets around a vertex close, as many edges lead to each neighbour as come from it, so that the sums of
+    the neighbours' numbers, and of their squares, are the same both ways. Only edges between vertices where they are
+    not, a few, are counted one by one. Facets that are not turned the same way only make them more.
+    """
+    ends = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # of the edges opposite each corner
+    start, end = (e.ravel() for e in ends)
+    differ = np.zeros(count, np.bool_)
+    for power in (1, 2):
+        weights = np.arange(1, count + 1, dtype=np.float64) ** power
+        leaving = np.bincount(start, weights=weights[end], minlength=count)
+        differ |= leaving != np.bincount(end, weights=weights[start], minlength=count)
+    edges = np.zeros(faces.size, np.bool_)
+    wanted = np.flatnonzero(differ[start] & differ[end])
+    one, two = start[wanted], end[wanted]
+    keys = np.minimum(one, two) * np.int64(count) + np.maximum(one, two)
     _, place, number = np.unique(keys, return_inverse=True, return_counts=True)
-    edges = (number == 1)[place].reshape(keys.shape)
-    vertices = np.zeros(count, bool)
-    vertices[ends[edges].ravel()] = True
-    return Rim(edges, vertices)
+    edges[wanted] = (number == 1)[place.ravel()]
+    vertices = np.zeros(count, np.bool_)
+    vertices[start[edges]] = vertices[end[edges]] = True
+    return Rim(edges.reshape(faces.shape), vertices)
 
 
 def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Give the vertices in use; those of loose triangles are joined, or smoothing would shrink each to a point."""
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    vertices = mesh.vertices[used]
-    if len(vertices) > len(mesh.faces):
+    vertices, faces = without_strays(mesh.vertices, mesh.faces)
+    if len(vertices) > len(faces):
         vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
-        faces = merged.ravel()[faces]
-    return vertices, faces.reshape(mesh.faces.shape).astype(np.int64)
+        faces = merged.ravel()[faces].reshape(faces.shape)
+    return vertices, faces.astype(np.int64)
 
 
 def kernels_of(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
@@ -144,20 +177,15 @@ def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     Their number says how small they are; their area does not, because noise makes it grow.
     """
     steps = min(_MOST_STEPS, round(len(faces) / _FACETS_PER_STEP))
-    if not steps:
-        return vertices
-    return np.asarray(open3d_mesh(vertices, faces).filter_smooth_simple(steps).vertices).copy()
+    return smoothed(vertices, faces, steps)
 
 
 def simplified(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid, unless little would be left."""
-    thin = open3d_mesh(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
-    triangles = np.asarray(thin.triangles).astype(np.int64)
-    if len(triangles) < min(len(faces), 100):
-        return vertices, faces
-    return np.asarray(thin.vertices).copy(), triangles
+    thin, triangles = clustered(vertices, faces, _CELL * diagonal)
+    return (vertices, faces) if len(triangles) < min(len(faces), 100) else (thin, triangles)
 
 
 def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
