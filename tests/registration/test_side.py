@@ -55,7 +55,7 @@ def test_cells_and_smoothing_are_those_of_open3d():
     again = open3d_mesh(ours, triangles).filter_smooth_simple(5)
     np.testing.assert_allclose(smoothed(ours, triangles, 5), np.asarray(again.vertices), atol=1e-12)
     # A table of cells would be too large: the numbers come from sorting.
-    far = np.concatenate([vertices, vertices + 1e4]), np.concatenate([faces, faces + len(vertices)])
+    far = np.concatenate([vertices, vertices + 1e3]), np.concatenate([faces, faces + len(vertices)])
     assert len(clustered(*far, 0.02)[0]) == pytest.approx(2 * len(ours), rel=0.05)
 
 

@@ -34,7 +34,7 @@ _LAST_STEPS = 30
 _ROUGHLY = 1e-4  # a step on few samples that is not worth another one
 _SIZE_STEPS = 6
 # Spacing of points with features, a share of the larger diagonal, and how many spacings around it a feature describes.
-_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0))
+_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0), (1 / 50, 3.0))
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
 _MOST_OTHERS = 12
 _POLISHED = {"kernel": 3}  # of each source; 2 of the others
@@ -205,7 +205,8 @@ class Contest:
         for k in order:
             if origin != "kernel" and ranks[k] < _HOPELESS:
                 break
-            if any(end.rank > _CLEARLY and ranks[k] < max(0.5 * end.rank, end.rank - _AHEAD) for end in self.ends):
+            ahead = _AHEAD if origin == "kernel" else 1.0  # what is not believed does not end later sources
+            if any(end.rank > _CLEARLY and ranks[k] < max(0.5 * end.rank, end.rank - ahead) for end in self.ends):
                 break
             self._refine(self._start(kept[k]), kept[k])
 

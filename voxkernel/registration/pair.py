@@ -24,7 +24,7 @@ from voxkernel.registration.verdict import NAMES
 
 __all__ = ["SCORE_REACH", "Judged", "Solution", "cropped_to_overlap", "solve"]
 
-ALL_SOURCES = 5
+ALL_SOURCES = 6
 SCORE_REACH = 1 / 30  # of the larger diagonal
 _DISTINCT_DEG = 5.0
 _NO_FIT = 0.02

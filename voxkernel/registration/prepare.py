@@ -28,6 +28,7 @@ _FINE_SAMPLES = 4000
 _MOST_SAMPLES = 20_000
 _FACETS_PER_STEP = 1500
 _MOST_STEPS = 10
+_SCRAMBLE = 2654435761, 2246822519  # odd, about the size of 2^32
 _CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
 
 
@@ -129,15 +130,15 @@ def _frame(
 def rim_of(faces: NDArray[np.int64], count: int) -> Rim:
     """Find the edges that belong to one facet only.
 
-    Where facets around a vertex close, as many edges lead to each neighbour as come from it, so that the sums of
-    the neighbours' numbers, and of their squares, are the same both ways. Only edges between vertices where they are
-    not, a few, are counted one by one. Facets that are not turned the same way only make them more.
+    Where facets around a vertex close, as many edges lead to each neighbour as come from it, so that sums of the
+    neighbours' numbers are the same both ways. Of the others, a few, edges between two are counted one by one. The
+    numbers are scrambled, because those of a regular grid have equal sums by chance.
     """
     ends = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # of the edges opposite each corner
     start, end = (e.ravel() for e in ends)
     differ = np.zeros(count, np.bool_)
-    for power in (1, 2):
-        weights = np.arange(1, count + 1, dtype=np.float64) ** power
+    for factor in _SCRAMBLE:
+        weights = _scrambled(count, factor)
         leaving = np.bincount(start, weights=weights[end], minlength=count)
         differ |= leaving != np.bincount(end, weights=weights[start], minlength=count)
     edges = np.zeros(faces.size, np.bool_)
@@ -149,6 +150,15 @@ def rim_of(faces: NDArray[np.int64], count: int) -> Rim:
     vertices = np.zeros(count, np.bool_)
     vertices[start[edges]] = vertices[end[edges]] = True
     return Rim(edges.reshape(faces.shape), vertices)
+
+
+def _scrambled(count: int, factor: int) -> NDArray[np.float64]:
+    """Whole numbers below 2^32, one for each vertex, whose sums are equal by no rule (xorshift and multiply)."""
+    numbers = np.arange(1, count + 1, dtype=np.uint64)
+    for _ in range(2):
+        numbers = numbers * np.uint64(factor) % np.uint64(1 << 32)
+        numbers ^= numbers >> np.uint64(15)
+    return numbers.astype(np.float64)
 
 
 def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
