@@ -71,14 +71,14 @@ def changed(kind: str, shape: Any, other: Any, seed: int) -> tuple[Any, Any]:
     return shape, (np.array(light[0]), light[1])
 
 
-def pairs(data: Path | None, rounds: int) -> Iterator[tuple[str, str, str, bool, Any]]:
+def pairs(data: Path | None, rounds: int, first: int) -> Iterator[tuple[str, str, str, bool, Any]]:
     """Give half, kind of shape, what was done, whether there is a right answer, and the pair."""
     import numpy as np
     from registration_pairs import posed
     from registration_shapes import half_of, shapes
 
     known = [(kind, name, get) for kind, name, get in shapes(data)]
-    for turn in range(rounds):
+    for turn in range(first, first + rounds):
         for place, (kind, name, get) in enumerate(known):
             half = half_of(name)
             others = [g for k, n, g in known if k == kind and n != name and half_of(n) == half]
@@ -246,6 +246,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = tool.parser(__doc__ or "", EXAMPLES)
     parser.add_argument("--data", metavar="DATA", help="folder with faces/, closed/, open/, asteroids/, range_scans/")
     parser.add_argument("--rounds", type=tool.positive, default=1, metavar="N", help="times through all shapes")
+    parser.add_argument("--first-round", type=int, default=0, metavar="R", help="others are other changes and poses")
     parser.add_argument("--every", type=tool.positive, default=1, metavar="K", help="only every K-th pair")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help="kinds of shapes; all by default")
     parser.add_argument("--fit", action="store_true", help="fit a model to each half; else only judge the library's")
@@ -266,7 +267,7 @@ def _run(args: argparse.Namespace) -> int:
         outcomes = [json.loads(line) for line in place.read_text(encoding="utf-8").splitlines()]
     done = {(o["kind"], o["pair"]) for o in outcomes}
     data = None if args.data is None else Path(args.data)
-    wanted = (p for p in pairs(data, args.rounds) if args.kinds is None or p[1] in args.kinds)
+    wanted = (p for p in pairs(data, args.rounds, args.first_round) if args.kinds is None or p[1] in args.kinds)
     for count, (half, kind, row, possible, pair) in enumerate(wanted):
         if count % args.every != args.first or (kind, pair.row) in done:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from registration_pairs import Pair, motion
@@ -58,11 +59,11 @@ def features(cloud: Any, voxel: float) -> Any:
     return thin, open3d.pipelines.registration.compute_fpfh_feature(thin, search)
 
 
-def start_ransac(source: Any, target: Any, extent: float) -> Any:
+def start_ransac(source: Any, target: Any, extent: float, cells: int = 50) -> Any:
     """FPFH + RANSAC: voxel 1/50 of the diagonal, 3 points, 1.5 voxels, edge check 0.9, 100,000 trials, 0.999."""
     import open3d
 
-    pipeline, voxel = open3d.pipelines.registration, extent / 50
+    pipeline, voxel = open3d.pipelines.registration, extent / cells
     one, two = features(source, voxel), features(target, voxel)
     checks = [
         pipeline.CorrespondenceCheckerBasedOnEdgeLength(0.9),
@@ -130,12 +131,12 @@ def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], Found]:
     return run
 
 
-def start_kiss(source: Any, target: Any, extent: float) -> Any:
+def start_kiss(source: Any, target: Any, extent: float, cells: int = 50) -> Any:
     """KISS-Matcher with a voxel of 1/50 of the diagonal and the rest as it comes."""
     import kiss_matcher
     import numpy as np
 
-    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(extent / 50))
+    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(extent / cells))
     clouds = (np.asarray(c.points, dtype=np.float32) for c in (source, target))
     found = matcher.estimate(*clouds)
     return motion(np.array(found.rotation), np.array(found.translation).ravel())
@@ -160,7 +161,11 @@ METHODS: dict[str, tuple[str, Callable[[Pair], Found]]] = {
     "kernels": ("register", by_register()),
     "overlap": ("register, overlap_steps=1", by_register(overlap_steps=1)),
     "ransac": ("FPFH + RANSAC", peer(start_ransac)),
+    "ransac35": ("FPFH + RANSAC, voxel 1/35", peer(partial(start_ransac, cells=35))),
+    "ransac75": ("FPFH + RANSAC, voxel 1/75", peer(partial(start_ransac, cells=75))),
     "kiss": ("KISS-Matcher", peer(start_kiss)),
+    "kiss35": ("KISS-Matcher, voxel 1/35", peer(partial(start_kiss, cells=35))),
+    "kiss75": ("KISS-Matcher, voxel 1/75", peer(partial(start_kiss, cells=75))),
     "fgr": ("FPFH + FGR", peer(start_fast_global)),
     "pca": ("PCA + ICP", peer(start_pca)),
     "icp": ("ICP", peer(start_nothing)),

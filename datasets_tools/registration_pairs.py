@@ -86,12 +86,15 @@ def arrays(path: Path) -> Any:
     return mesh.vertices, mesh.faces
 
 
-def scan_pairs(data: Path, count: int) -> Iterator[Pair]:
-    """Pairs of the scans with their references, changed in every way, and of faces that differ."""
+def scan_pairs(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
+    """Pairs of the scans with their references, changed in every way, and of faces that differ.
+
+    Poses, noise and crops follow the numbers of the pairs, which begin with `first`.
+    """
     import numpy as np
 
     truth = json.loads((data / "scans" / "ground_truth.json").read_text())["scans"]
-    for number, (name, entry) in enumerate(list(truth.items())[:count]):
+    for number, (name, entry) in enumerate(list(truth.items())[:count], start=first):
         source, scan = arrays(data / entry["reference"]), arrays(data / "scans" / name)
         known = np.array(entry["T_ref_to_scan"])
         yield posed("scans", number, source, scan, known)
@@ -111,13 +114,13 @@ def scan_pairs(data: Path, count: int) -> Iterator[Pair]:
         )
 
 
-def closed_pairs(data: Path, count: int) -> Iterator[Pair]:
+def closed_pairs(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
     """Pairs of closed meshes with a remeshed copy, its vertices moved by 0.3 % of the diagonal."""
     import numpy as np
 
     import voxkernel
 
-    for number, name in enumerate(CLOSED[:count]):
+    for number, name in enumerate(CLOSED[:count], start=first):
         source = arrays(data / "closed" / f"{name}.ply")
         extent = float(np.linalg.norm(np.ptp(source[0], axis=0)))
         again = voxkernel.repair(source, remesh_edge_length=extent / 60).mesh
@@ -141,7 +144,7 @@ def formula_pairs(count: int) -> Iterator[Pair]:
         yield posed("formula, 20 % cropped", number, source, cropped(source, 0.2, number), np.eye(4))
 
 
-def range_scans(data: Path, most: int | None) -> Iterator[tuple[str, float, Pair]]:
+def range_scans(data: Path, most: int | None, first: int = 0) -> Iterator[tuple[str, float, Pair]]:
     """Pairs of real range scans of one object, the largest overlap first; at most so many, at even steps."""
     import numpy as np
 
@@ -153,5 +156,5 @@ def range_scans(data: Path, most: int | None) -> Iterator[tuple[str, float, Pair
         one, two = name.split("|")
         source, target = (arrays(data / "range_scans" / part) for part in (one, two))
         yield name, overlap, posed(
-            f"range scans {name}", number, source, target, np.linalg.inv(to_common[two]) @ to_common[one]
+            f"range scans {name}", first + number, source, target, np.linalg.inv(to_common[two]) @ to_common[one]
         )

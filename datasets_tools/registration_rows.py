@@ -20,12 +20,12 @@ from registration_changes import (
 from registration_pairs import CLOSED, Pair, arrays, cropped, decimated, noisy, posed, range_scans
 
 
-def partial_rows(data: Path, count: int) -> Iterator[Pair]:
+def partial_rows(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
     """Faces on their scans with clutter, both cropped, in other densities, or with the facets of one turned over."""
     import numpy as np
 
     truth = json.loads((data / "scans" / "ground_truth.json").read_text())["scans"]
-    for number, (name, entry) in enumerate(list(truth.items())[:count]):
+    for number, (name, entry) in enumerate(list(truth.items())[:count], start=first):
         face, scan = arrays(data / entry["reference"]), arrays(data / "scans" / name)
         known = np.array(entry["T_ref_to_scan"])
         yield posed("a plane behind", number, face, before_a_plane(scan), known)
@@ -41,32 +41,33 @@ def partial_rows(data: Path, count: int) -> Iterator[Pair]:
         yield posed("facets turned over", number, face, turned_over(scan), known)
 
 
-def body_rows(data: Path, count: int) -> Iterator[Pair]:
+def body_rows(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
     """Closed bodies and asteroids, remeshed or thinned, cut in half."""
     import numpy as np
 
-    for number, name in enumerate(CLOSED[:count]):
+    for number, name in enumerate(CLOSED[:count], start=first):
         body = arrays(data / "closed" / f"{name}.ply")
         light = noisy(decimated(body, max(400, int(0.6 * len(body[1])))), 0.001 * extent(body), number)
         yield posed("closed body, 50 % cropped", number, body, cropped(light, 0.5, number), np.eye(4))
-    for number, path in enumerate(sorted((data / "asteroids").glob("*.ply"))[:count]):
+    for number, path in enumerate(sorted((data / "asteroids").glob("*.ply"))[:count], start=first):
         body = arrays(path)
         light = noisy(decimated(body, 4000), 0.001 * extent(body), number)
         yield posed("asteroid, 50 % cropped", number, body, cropped(light, 0.5, number), np.eye(4))
 
 
-def refused_rows(data: Path, count: int) -> Iterator[Pair]:
+def refused_rows(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
     """Pairs without a right answer: other objects, other sizes, mirror images, parts that have nothing in common."""
     import numpy as np
 
     truth = json.loads((data / "scans" / "ground_truth.json").read_text())["scans"]
     names = list(truth)
-    for number, (name, entry) in enumerate(list(truth.items())[:count]):
+    for number, (name, entry) in enumerate(list(truth.items())[:count], start=first):
         face, scan = arrays(data / entry["reference"]), arrays(data / "scans" / name)
         body = arrays(data / "closed" / f"{CLOSED[number % len(CLOSED)]}.ply")
         other = arrays(data / "closed" / f"{CLOSED[(number + 3) % len(CLOSED)]}.ply")
         rocks = sorted((data / "asteroids").glob("*.ply"))
-        rock = decimated(arrays(rocks[number % len(rocks)]), 6000 - 300 * (number // len(rocks)))
+        turn, which = divmod(number - first, len(rocks))
+        rock = decimated(arrays(rocks[which]), 6000 - 300 * turn)
         same_size = other[0] * (extent(body) / extent(other)), other[1]
         stranger = arrays(data / "scans" / names[(number + 1) % len(names)])
         one, two = both_cropped(body, body, 0.5, number)
@@ -82,9 +83,9 @@ def refused_rows(data: Path, count: int) -> Iterator[Pair]:
             yield replace(posed(row, number, source, target, np.eye(4)), T_target_source=None)
 
 
-def range_rows(data: Path, most: int) -> Iterator[Pair]:
+def range_rows(data: Path, most: int, first: int = 0) -> Iterator[Pair]:
     """Real range scans, by overlap; those without are to be refused."""
-    for _, overlap, pair in range_scans(data, most):
+    for _, overlap, pair in range_scans(data, most, first):
         word = "0.5 and more" if overlap >= 0.5 else "0.3 to 0.5" if overlap >= 0.3 else "0.15 to 0.3"
         if overlap < 0.05:
             yield replace(pair, row="refuse: range scans, overlap below 0.05", T_target_source=None)

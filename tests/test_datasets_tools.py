@@ -327,9 +327,16 @@ def test_registration_is_measured_and_written(tmp_path, capsys):
     import evaluate_registration
 
     argv = ["--pairs", "1", "--methods", "kernels", "icp", "-q", "--json", str(tmp_path / "raw.json")]
+    argv += ["--outcomes", str(tmp_path / "lines.jsonl")]
     assert evaluate_registration.main(argv) == 0
     out = capsys.readouterr().out
     assert "| formula, 20 % cropped | **1** of 1" in out
     outcomes = json.loads((tmp_path / "raw.json").read_text())
     assert len(outcomes) == 6
     assert all(o["final_deg"] < 2 for o in outcomes if o["method"] == "kernels")
+    # What is known is not measured again: seconds stay.
+    before = (tmp_path / "lines.jsonl").read_text()
+    assert [json.loads(line) for line in before.splitlines()] == outcomes
+    assert evaluate_registration.main(argv) == 0
+    assert (tmp_path / "lines.jsonl").read_text() == before
+    assert json.loads((tmp_path / "raw.json").read_text()) == outcomes

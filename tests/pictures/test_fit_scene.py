@@ -6,7 +6,8 @@ import shapes
 
 from voxkernel import JointRegistration
 from voxkernel.pictures import together_picture
-from voxkernel.pictures.fit_scene import bar_colors, fit_of, view_of
+from voxkernel.pictures.fit_scene import bar_colors, before_panel, fit_of, plain_layer, view_of
+from voxkernel.pictures.parts import heading
 
 GREY = (185, 190, 196)
 
@@ -59,6 +60,39 @@ def test_open_surfaces_are_seen_from_their_front():
     assert view[2] > 0.5
     assert np.linalg.norm(view) == pytest.approx(1.0)
     assert abs(up[2]) < 0.1
+
+
+def test_surfaces_that_lie_far_apart_are_moved_beside_each_other():
+    view, up = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+    near = [plain_layer(*plate(z), "#000000", "plate") for z in (0.0, 0.3)]
+    vertices, faces = plate(0.0)
+    far = [plain_layer(vertices + k * np.array([500.0, 70.0, 0.0]), faces, "#000000", "plate") for k in range(5)]
+    assert before_panel("before", near, 2.9, view, up).layers == tuple(near)
+    panel = before_panel("before", far, 2.9, view, up)
+    assert panel.name.startswith("before, moved beside each other: all take 2.02e+03")
+    middles = np.stack([layer.vertices.mean(axis=0) for layer in panel.layers])
+    gaps = np.abs(middles[:, None] - middles)[:, :, :2].max(axis=2)[np.triu_indices(5, 1)]
+    assert gaps.min() == pytest.approx(2.12)  # plates of 2, and a gap
+    assert np.ptp(np.concatenate([layer.vertices for layer in panel.layers]), axis=0).max() < 7.0
+    for layer, given in zip(panel.layers, far, strict=True):
+        shift = layer.vertices - given.vertices
+        np.testing.assert_allclose(shift, np.broadcast_to(shift[0], shift.shape), atol=1e-9)
+
+
+def test_long_captions_are_broken_between_words():
+    words = " ".join(["reason"] * 60)
+    text = heading("title", words)["text"]
+    assert text.count("reason") == 60
+    assert text.count("<br>") == 3
+    pillow = pytest.importorskip("PIL.ImageDraw")
+    image = pytest.importorskip("PIL.Image").new("RGB", (400, 50))
+    pen = pillow.Draw(image)
+    from voxkernel.pictures.png import broken
+
+    lines = broken(pen, words, 20, 400)
+    assert " ".join(lines) == words
+    assert len(lines) > 3
+    assert broken(pen, "", 20, 400) == [""]
 
 
 def joint(poses, apart):

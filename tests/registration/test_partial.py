@@ -6,6 +6,7 @@ import shapes
 from motions import moved, off, pose
 
 from voxkernel import register
+from voxkernel.demo_shapes import face
 from voxkernel.registration.evidence import Evidence
 from voxkernel.registration.verdict import NAMES, SIGNS, believed, descriptors, verdict_of
 
@@ -64,6 +65,18 @@ def test_two_parts_with_a_strip_in_common_and_the_inverse():
     assert there.probability == pytest.approx(back.probability, abs=1e-6)
     assert off(there.T_target_source, motion, left[0]) < 1e-3
     np.testing.assert_allclose(there.T_target_source @ back.T_target_source, np.eye(4), atol=1e-9)
+
+
+def test_strips_that_explain_more_a_little_off_lie_where_they_fit():
+    """Strips of a smooth face slide over each other: another motion explains more of both, but nothing exactly."""
+    mesh = face()
+    (low, high), middles = mesh.bounds[:, 0], mesh.vertices[mesh.faces].mean(axis=1)[:, 0]
+    at = (middles - low) / (high - low)
+    left = mesh.vertices, mesh.faces[at <= 0.45]
+    motion, middle = away((mesh.vertices, mesh.faces[(at >= 0.275) & (at <= 0.725)]), 70)
+    found = register(left, middle)
+    assert (found.verdict, found.ambiguous) == ("right", False)
+    assert off(found.T_target_source, motion, mesh.vertices) < 1e-6
 
 
 def test_parts_with_nothing_in_common_are_not_called_right():

@@ -29,7 +29,7 @@ def small_face():
     return mesh.vertices, mesh.faces
 
 
-@pytest.mark.parametrize("poses", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("poses", [8, pytest.param(200, marks=pytest.mark.slow)])
 def test_copies_are_found_to_rounding(poses):
     vertices, faces = boulder()
     target = prepare_surface((vertices, faces))
@@ -44,7 +44,7 @@ def test_copies_are_found_to_rounding(poses):
 
 def test_copies_of_an_open_surface(small_face):
     vertices, faces = small_face
-    for seed in range(5):
+    for seed in range(2):
         away = pose(seed, 300.0)
         found = register((vertices, faces), (moved(away, vertices), faces))
         assert off(found.T_target_source, away, vertices) < 1e-9
@@ -63,18 +63,6 @@ def test_order_of_vertices_and_faces_does_not_matter(small_face, rng):
     assert off(found.T_target_source, away, vertices) < 1e-9
 
 
-def test_exchanging_source_and_target_gives_the_inverse(small_face):
-    vertices, faces = small_face
-    noisy = moved(pose(1, 50.0), vertices + np.random.default_rng(0).normal(size=vertices.shape) * 0.5)
-    there = register((vertices, faces), (noisy, faces))
-    back = register((noisy, faces), (vertices, faces))
-    np.testing.assert_allclose(there.T_target_source @ back.T_target_source, np.eye(4), atol=1e-9 * np.ptp(noisy))
-    assert there.score == pytest.approx(back.score, abs=1e-9)
-    # The same numbers, not only near ones: the pair is put in one order, and nothing is added in parallel.
-    assert (there.score, there.probability) == (back.score, back.probability)
-    np.testing.assert_array_equal(list(there.evidence.values()), list(back.evidence.values()))
-
-
 @pytest.fixture(scope="module")
 def in_noise(small_face):
     """A face, itself under noise of a quarter of its width, and what was found."""
@@ -83,7 +71,17 @@ def in_noise(small_face):
     return vertices, noisy, faces, register((vertices, faces), (noisy, faces))
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e5])
+def test_exchanging_source_and_target_gives_the_inverse(in_noise):
+    vertices, noisy, faces, there = in_noise
+    back = register((noisy, faces), (vertices, faces))
+    np.testing.assert_allclose(there.T_target_source @ back.T_target_source, np.eye(4), atol=1e-9 * np.ptp(noisy))
+    assert there.score == pytest.approx(back.score, abs=1e-9)
+    # The same numbers, not only near ones: the pair is put in one order, and nothing is added in parallel.
+    assert (there.score, there.probability) == (back.score, back.probability)
+    np.testing.assert_array_equal(list(there.evidence.values()), list(back.evidence.values()))
+
+
+@pytest.mark.parametrize("unit", [1e-6, pytest.param(1e5, marks=pytest.mark.slow)])
 def test_units_do_not_matter(in_noise, unit):
     vertices, noisy, faces, one = in_noise
     two = register((vertices * unit, faces), (noisy * unit, faces))
@@ -97,7 +95,7 @@ def test_same_answer_every_time(small_face):
     vertices, faces = small_face
     # A surface with noise, not noise alone: Open3D's ICP adds in parallel, and where nothing fits rounding decides.
     noisy = moved(pose(4, 50.0), vertices + 0.01 * np.random.default_rng(0).normal(size=vertices.shape))
-    answers = [register((vertices, faces), (noisy, faces)) for _ in range(3)]
+    answers = [register((vertices, faces), (noisy, faces)) for _ in range(2)]
     for other in answers[1:]:
         np.testing.assert_allclose(other.T_target_source, answers[0].T_target_source, rtol=1e-10, atol=1e-9)
         assert [c.origin for c in other.candidates] == [c.origin for c in answers[0].candidates]
@@ -144,8 +142,13 @@ def test_mirror_images_are_not_taken_for_each_other(small_face):
     assert np.linalg.det(found.T_target_source[:3, :3]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("make", [lambda: shapes.s_tetromino(0.0), lambda: shapes.notched_cube(0.0), shapes.two_boxes])
-@pytest.mark.parametrize("margins", [[0.0], None])
+@pytest.mark.parametrize(
+    ("make", "margins"),
+    [
+        (lambda: shapes.s_tetromino(0.0), [0.0]), (lambda: shapes.notched_cube(0.0), [0.0]), (shapes.two_boxes, [0.0]),
+        (shapes.two_boxes, None),
+    ],
+)  # fmt: skip
 def test_degenerate_and_empty_kernels_give_an_answer(make, margins):
     vertices, faces = (np.asarray(a) for a in make())
     away = pose(8)

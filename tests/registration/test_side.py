@@ -1,5 +1,7 @@
 """Nearest points on triangles, the rim, robust ICP, features: against formulas and brute force."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 import shapes
@@ -7,13 +9,14 @@ from test_partial import hills
 from test_register import moved, off, pose
 
 from voxkernel import as_mesh
+from voxkernel._open3d import open3d_mesh
 from voxkernel.registration import prepare_surface
 from voxkernel.registration.features import feature_motions, feature_points
 from voxkernel.registration.motions import scaled
 from voxkernel.registration.polish import polished
 from voxkernel.registration.prepare import rim_of
 from voxkernel.registration.side import Side
-from voxkernel.registration.thin import thinned
+from voxkernel.registration.thin import clustered, smoothed, thinned
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +31,32 @@ def test_the_rim_of_a_square_and_of_a_closed_body():
     assert rim.vertices.sum() == 16
     cube = as_mesh(shapes.cube())
     assert not rim_of(cube.faces, len(cube.vertices)).edges.any()
+
+
+def test_the_rim_is_that_of_counted_edges_also_where_facets_are_turned_or_missing(rng):
+    faces = hills()[1][rng.random(3200) > 0.1]
+    faces[::7] = faces[::7, ::-1]
+    rim = rim_of(faces, 41 * 41)
+    edges = [[tuple(sorted((f[(k + 1) % 3], f[(k + 2) % 3]))) for k in range(3)] for f in faces.tolist()]
+    counts = Counter(e for three in edges for e in three)
+    np.testing.assert_array_equal(rim.edges, [[counts[e] == 1 for e in three] for three in edges])
+    ends = {v for three in edges for e in three if counts[e] == 1 for v in e}
+    assert set(np.flatnonzero(rim.vertices).tolist()) == ends
+
+
+def test_cells_and_smoothing_are_those_of_open3d():
+    vertices, faces = hills(n=60)
+    for cell in (0.05, 0.02):
+        ours, triangles = clustered(vertices, faces, cell)
+        theirs = open3d_mesh(vertices, faces).simplify_vertex_clustering(cell)
+        assert len(triangles) == len(theirs.triangles)
+        order, other = np.lexsort(ours.round(9).T), np.lexsort(np.asarray(theirs.vertices).round(9).T)
+        np.testing.assert_allclose(ours[order], np.asarray(theirs.vertices)[other], atol=1e-12)
+    again = open3d_mesh(ours, triangles).filter_smooth_simple(5)
+    np.testing.assert_allclose(smoothed(ours, triangles, 5), np.asarray(again.vertices), atol=1e-12)
+    # A table of cells would be too large: the numbers come from sorting.
+    far = np.concatenate([vertices, vertices + 1e3]), np.concatenate([faces, faces + len(vertices)])
+    assert len(clustered(*far, 0.02)[0]) == pytest.approx(2 * len(ours), rel=0.05)
 
 
 def test_nearest_points_against_brute_force(surface, rng):
@@ -78,11 +107,11 @@ def test_features_of_a_copy_lead_to_its_motion():
 
 def test_thinned_surfaces_are_small_and_near():
     vertices, faces = hills(n=120)
-    thin, few = thinned(vertices, faces, 5000)
+    thin, few = thinned(vertices, faces, 1.5, 5000)
     assert 1000 < len(few) <= 5000
     from scipy.spatial import KDTree
 
     assert KDTree(vertices).query(thin)[0].max() < 0.05
-    same = thinned(vertices, faces, len(faces))
+    same = thinned(vertices, faces, 1.5, len(faces))
     assert same[0] is vertices
     assert same[1] is faces

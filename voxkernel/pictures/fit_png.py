@@ -13,10 +13,11 @@ from voxkernel._extras import optional
 from voxkernel.pictures.fit_scene import UNEXPLAINED, Fit, Panel, bar_colors
 from voxkernel.pictures.parts import INK, PALE, drawn
 from voxkernel.pictures.png import _write as write_line
+from voxkernel.pictures.png import broken
 
 __all__ = ["write_fit_png"]
 
-_HEAD, _TOP, _FOOT = 110, 36, 210
+_HEAD, _LINE, _TOP, _FOOT = 110, 27, 36, 210
 _MUCH_LARGER = 1.4  # than the panel of the surfaces laid together: drawn in a scale of its own, which is told
 
 
@@ -27,21 +28,24 @@ def write_fit_png(
     """Draw the panels, all from their directions and in one scale, and what their colours mean."""
     Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
     rows = (len(panels) + 1) // 2
-    part = size[0] // 2, (size[1] - _HEAD - _FOOT) // rows
     page = Image.new("RGB", size, "white")
     pen = ImageDraw.Draw(page)
     write_line(pen, (36, 16), title, 36, INK, size[0] - 72)
-    write_line(pen, (36, 66), words, 20, PALE, size[0] - 72)
+    lines = broken(pen, words, 20, size[0] - 72)
+    for k, line in enumerate(lines):
+        write_line(pen, (36, 66 + _LINE * k), line, 20, PALE, size[0] - 72)
+    head = _HEAD + _LINE * (len(lines) - 1)
+    part = size[0] // 2, (size[1] - head - _FOOT) // rows
     scales = [_half_height(panel, part[0] / (part[1] - _TOP)) for panel in panels]
     common = min(max(scales), _MUCH_LARGER * scales[1])
     for i, (panel, own) in enumerate(zip(panels, scales, strict=True)):
-        left, upper = (i % 2) * part[0], _HEAD + (i // 2) * part[1]
+        left, upper = (i % 2) * part[0], head + (i // 2) * part[1]
         shown = max(own, common)
         name = panel.name + (f" (at 1/{shown / common:.2g} of the size)" if shown > 1.001 * common else "")
         room = (part[0], part[1] - _TOP)
         image = Image.fromarray(drawn(partial(_draw, panel=panel, scale=shown), room))
         page.paste(image.resize(room, Image.Resampling.LANCZOS), (left, upper + _TOP))
-        write_line(pen, (left + 36, upper + 6), name, 20, INK, part[0] - 72)
+        write_line(pen, (left + 36, upper + 6), name, 20 if len(name) < 40 else 16, INK, part[0] - 50)
     _legend(pen, size, legend)
     _histogram(pen, (size[0] // 2 + 40, size[1] - _FOOT + 8), (size[0] // 2 - 80, _FOOT - 20), fit)
     page.save(path, optimize=True)

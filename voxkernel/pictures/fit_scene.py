@@ -14,8 +14,8 @@ from voxkernel._open3d import open3d, open3d_mesh, ray_scene
 from voxkernel.mesh.triangles import doubled_normals
 
 __all__ = [
-    "UNEXPLAINED", "Fit", "Layer", "Panel", "bar_colors", "colored", "fit_of", "moved", "plain_layer", "thinned",
-    "view_of",
+    "UNEXPLAINED", "Fit", "Layer", "Panel", "bar_colors", "before_panel", "colored", "fit_of", "moved", "plain_layer",
+    "thinned", "view_of",
 ]  # fmt: skip
 
 UNEXPLAINED = "#b9bec4"
@@ -24,6 +24,8 @@ _BAR = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 _FACETS = 80_000  # drawn at most, of all surfaces together
 _BINS = 40
 _END = 0.9  # share of the explained area that the bar ends at
+_FAR_APART = 1.7  # times what is laid together: surfaces that take more room are moved beside each other
+_GAP = 0.06  # between them, of the largest
 _FACING = 0.5  # cosine between normals, as scores ask for
 
 
@@ -189,3 +191,33 @@ def view_of(
     up = up if up[np.argmax(np.abs(up))] > 0 else -up
     view = 0.9 * front + 0.35 * np.cross(up, front) + 0.25 * up
     return view / np.linalg.norm(view), up
+
+
+def before_panel(
+    name: str, layers: Sequence[Layer], extent: float, view: NDArray[np.float64], up: NDArray[np.float64]
+) -> Panel:
+    """Show surfaces as they are given; where they lie too far apart to be seen, moved beside each other unturned."""
+    points = np.concatenate([layer.vertices for layer in layers])
+    apart = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if len(layers) < 2 or apart <= _FAR_APART * extent:
+        return Panel(name, tuple(layers), view, up)
+    words = f"{name}, moved beside each other: all take {apart:.3g}, laid together {extent:.3g}"
+    return Panel(words, _beside(layers, view, up), view, up)
+
+
+def _beside(layers: Sequence[Layer], view: NDArray[np.float64], up: NDArray[np.float64]) -> tuple[Layer, ...]:
+    """Put layers into the cells of a table that is seen from a direction, row by row from the upper left."""
+    right = np.cross(up, view)
+    right /= np.linalg.norm(right)
+    frame = np.stack([right, np.cross(view, right), view])
+    seen = [layer.vertices @ frame.T for layer in layers]
+    cell = (1.0 + _GAP) * np.max([np.ptp(points, axis=0) for points in seen], axis=0)
+    columns = int(np.ceil(np.sqrt(len(layers) * cell[1] / cell[0]))) if cell[0] > 0 else 1
+    columns = min(max(columns, 1), len(layers))
+    placed: list[Layer] = []
+    for k, (layer, points) in enumerate(zip(layers, seen, strict=True)):
+        row, column = divmod(k, columns)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        there = points - middle + np.array([column, -row, 0.0]) * cell
+        placed.append(Layer(there @ frame, layer.faces, layer.colors, layer.name))
+    return tuple(placed)

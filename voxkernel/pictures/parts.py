@@ -6,6 +6,7 @@ import html
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ __all__ = ["INK", "PALE", "Draw", "check_picture", "drawn", "heading", "save_pag
 
 INK, PALE = "#1d2733", "#5d6b7a"
 _HEAD, _TOP = 120, 40
+_LINE = 150  # letters in a line of a caption
 
 Draw = Callable[[Any, Any], None]
 
@@ -33,7 +35,8 @@ def check_picture(path: str | os.PathLike[str]) -> tuple[Path, str]:
 
 def heading(title: str, words: str) -> dict[str, Any]:
     """Title and caption for the layout of a plotly figure, as text and not as markup."""
-    text = f"{html.escape(title)}<br><span style='font-size:15px;color:{PALE}'>{html.escape(words)}</span>"
+    shown = "<br>".join(html.escape(line) for line in wrap(words, _LINE))
+    text = f"{html.escape(title)}<br><span style='font-size:15px;color:{PALE}'>{shown}</span>"
     return {"text": text, "x": 0.03, "xanchor": "left", "y": 0.97, "font": {"color": INK, "size": 24}}
 
 

@@ -15,7 +15,7 @@ from voxkernel._extras import optional
 from voxkernel.pictures.furniture import add_furniture
 from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene
 
-__all__ = ["write_png"]
+__all__ = ["broken", "write_png"]
 
 # Drawn larger and scaled down: smooth edges also where depth peeling forbids multi-sampling.
 _SUPERSAMPLE = 1.5
@@ -215,6 +215,19 @@ def _write(pen: Any, at: tuple[int, int], text: str, size: float, color: str, ro
             text = text[:-1]
         text += "..."
     pen.text(at, text, font=font, fill=color)
+
+
+def broken(pen: Any, text: str, size: float, room: int) -> list[str]:
+    """Break a text between words into lines that fit; one line where there are no words."""
+    font = _font(size)
+    lines = [""]
+    for word in text.encode("utf-8", "replace").decode().split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and pen.textlength(longer, font=font) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 def _font(size: float) -> Any:

@@ -14,6 +14,7 @@ from voxkernel.pictures.fit_scene import (
     UNEXPLAINED,
     Layer,
     Panel,
+    before_panel,
     colored,
     fit_of,
     moved,
@@ -41,9 +42,10 @@ def registration_picture(
 ) -> None:
     """Draw source (orange) and target (blue) before and after the motion, how far they are off, and their kernels.
 
-    Before and after are seen from the same side. Below, each surface has the colours of its distance to the other one;
-    what has no counterpart within `found.max_distance` that faces the same way is grey. A bar in mesh units with the
-    histogram says what the colours mean. The last row holds the relaxed kernels, where both have one.
+    Before and after are seen from the same side; surfaces that lie far apart are moved beside each other. Below, each
+    surface has the colours of its distance to the other one; what has no counterpart within `found.max_distance` that
+    faces the same way is grey. A bar in mesh units with the histogram says what the colours mean. The last row holds
+    the relaxed kernels, where both have one.
 
     Parameters
     ----------
@@ -73,9 +75,10 @@ def registration_picture(
     laid = moved(points, motion)
     fit = fit_of([(laid, faces), (points_there, faces_there)], found.max_distance)
     view, up = view_of([(laid, faces), (points_there, faces_there)])
+    extent = float(np.linalg.norm(np.ptp(np.concatenate([laid, points_there]), axis=0)))
     still = plain_layer(points_there, faces_there, _TARGET, "target")
     panels = [
-        Panel("before", (still, plain_layer(points, faces, _SOURCE, "source")), view, up),
+        before_panel("before", (still, plain_layer(points, faces, _SOURCE, "source")), extent, view, up),
         Panel("after", (still, plain_layer(laid, faces, _SOURCE, "source")), view, up),
         Panel("source: distance to the target", (colored(laid, faces, fit.distances[0], fit.end, "source"),), view, up),
         Panel(
@@ -85,8 +88,9 @@ def registration_picture(
     ]  # fmt: skip
     kernels = _kernels(source, _SOURCE, "kernel of the source"), _kernels(target, _TARGET, "kernel of the target")
     if kernels[0] is not None and kernels[1] is not None:
-        panels.append(Panel("kernels before", (kernels[1], kernels[0]), view, up))
         after = Layer(moved(kernels[0].vertices, motion), kernels[0].faces, kernels[0].colors, kernels[0].name)
+        room = float(np.linalg.norm(np.ptp(np.concatenate([after.vertices, kernels[1].vertices]), axis=0)))
+        panels.append(before_panel("kernels before", (kernels[1], kernels[0]), room, view, up))
         panels.append(Panel("kernels after", (kernels[1], after), view, up))
     words = (
         f"{found.verdict}; {100 * found.fitness:.1f} % of the source within {found.max_distance:.3g}, "

@@ -14,7 +14,17 @@ from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.fit_html import write_fit_html
 from voxkernel.pictures.fit_png import write_fit_png
-from voxkernel.pictures.fit_scene import UNEXPLAINED, Panel, colored, fit_of, moved, plain_layer, thinned, view_of
+from voxkernel.pictures.fit_scene import (
+    UNEXPLAINED,
+    Panel,
+    before_panel,
+    colored,
+    fit_of,
+    moved,
+    plain_layer,
+    thinned,
+    view_of,
+)
 from voxkernel.pictures.parts import check_picture
 from voxkernel.registration import JointRegistration
 
@@ -36,9 +46,10 @@ def together_picture(
 ) -> None:
     """Draw many scans as given and laid together, a colour each, and how far each is off all others.
 
-    Before and after are seen from the same side; the distances from there and from the opposite side. A bar in mesh
-    units with the histogram says what the colours mean; grey is what no other scan explains within 2 % of the diagonal.
-    Scans that belong to nothing are grey before and not shown after; those that cannot be read are not shown at all.
+    Before and after are seen from the same side; scans that lie far apart are moved beside each other. The distances
+    are seen from there and from the opposite side. A bar in mesh units with the histogram says what the colours mean;
+    grey is what no other scan explains within 2 % of the diagonal. Scans that belong to nothing are grey before and not
+    shown after; those that cannot be read are not shown at all.
 
     Parameters
     ----------
@@ -83,7 +94,7 @@ def together_picture(
         colored(v, f, d, fit.end, called[i]) for i, (v, f), d in zip(kept, laid, fit.distances, strict=True)
     )
     panels = [
-        Panel("before: as given", before, view, up),
+        before_panel("before: as given", before, extent, view, up),
         Panel("after: in one frame", after, view, up),
         Panel("distance to the other scans", far, view, up),
         Panel("distance to the other scans, from behind", far, -view, up),

@@ -34,7 +34,7 @@ _LAST_STEPS = 30
 _ROUGHLY = 1e-4  # a step on few samples that is not worth another one
 _SIZE_STEPS = 6
 # Spacing of points with features, a share of the larger diagonal, and how many spacings around it a feature describes.
-_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0))
+_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0), (1 / 50, 3.0))
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
 _MOST_OTHERS = 12
 _POLISHED = {"kernel": 3}  # of each source; 2 of the others
@@ -43,6 +43,8 @@ _WORSE = 0.35  # a score so far below the best is not looked at more closely
 _AHEAD = 0.25  # a refined rank so far above the unrefined ones of other candidates ends the source
 _SETTLED = 0.04  # an end whose rank on few samples comes so close to the best is refined on all
 _NO_FIT = 0.0  # a rank below which more samples do not help
+_CONTENDERS = 4  # ends beside the best that may be believed more
+_CONTENDS = 0.5  # of the best rank: what an end must have for that
 _CLEARLY = 0.5  # a rank beside which candidates that start with less than half of it are left out
 _DISTINCT_DEG = 5.0
 _APART = 0.03
@@ -86,12 +88,12 @@ class Contest:
         one, two = (ScoredCloud(p.coarse, self.scale) for p in self.pair)
         return one, two
 
-    def run(self, clear: Callable[[End], bool], sources: int) -> None:
+    def run(self, clear: Callable[[], bool], sources: int) -> None:
         """Try source after source of candidates, at most so many, until the best answer fits clearly."""
         for guesses in islice(self._sources(), sources):
             self._judge(guesses)
             best = self.settle()
-            if best is not None and best.rank >= _NO_FIT and clear(best):
+            if best is not None and best.rank >= _NO_FIT and clear():
                 break
 
     def settle(self) -> End | None:
@@ -112,6 +114,27 @@ class Contest:
     def best(self) -> End | None:
         """The end that explains most, less what contradicts it."""
         return max(self.ends, key=lambda end: end.rank, default=None)
+
+    def contenders(self) -> list[End]:
+        """The ends after the best that are other motions, a few, refined on all samples."""
+        best = self.best
+        if best is None:
+            return []
+        shown = [best]
+        for end in sorted(self.ends, key=lambda e: -e.rank):
+            if len(shown) > _CONTENDERS or end.rank < max(_NO_FIT, _CONTENDS * best.rank):
+                break
+            if all(_apart(end.polished.transform, other.polished.transform) for other in shown):
+                shown.append(self.whole(end))
+        return shown[1:]
+
+    def whole(self, end: End) -> End:
+        """Refine an end on all samples, unless it is already, and put it in its place."""
+        if end.whole:
+            return end
+        place = next(k for k, other in enumerate(self.ends) if other is end)
+        self.ends[place] = self._settled(end)
+        return self.ends[place]
 
     def rivals(self, best: End) -> list[End]:
         """Other ends that are not the same motion, best first."""
@@ -182,7 +205,8 @@ class Contest:
         for k in order:
             if origin != "kernel" and ranks[k] < _HOPELESS:
                 break
-            if any(end.rank > _CLEARLY and ranks[k] < max(0.5 * end.rank, end.rank - _AHEAD) for end in self.ends):
+            ahead = _AHEAD if origin == "kernel" else 1.0  # what is not believed does not end later sources
+            if any(end.rank > _CLEARLY and ranks[k] < max(0.5 * end.rank, end.rank - ahead) for end in self.ends):
                 break
             self._refine(self._start(kept[k]), kept[k])
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.mesh.triangles import doubled_normals
+from voxkernel.mesh.surface_samples import spread_samples
+from voxkernel.mesh.triangles import unit_normals, without_strays
 from voxkernel.registration.icp import Refine, icp
 from voxkernel.registration.polish import Polished, polished
 from voxkernel.registration.prepare import PreparedSurface, Skin, rim_of
@@ -14,7 +15,9 @@ from voxkernel.registration.side import Side
 
 __all__ = ["last_refined"]
 
-_SAMPLES = 4000
+_SAMPLES = 2000
+_NEIGHBOURS = 8  # vertices near a sample whose triangles it may meet
+_FEWEST = 10
 _STEPS = 12
 _RESTS = 3e-5
 _LEAST = 1 / 300
@@ -66,22 +69,36 @@ def _within_overlap(
     pair: tuple[PreparedSurface, PreparedSurface], sides: tuple[Side, Side], motion: NDArray[np.float64],
     reach: float, scale: float,
 ) -> tuple[Side, Side] | None:  # fmt: skip
-    """Make both surfaces from all their facets inside the box around what they have in common."""
-    made: list[Side] = []
+    """Sample all facets of both surfaces inside the box around what they have in common.
+
+    Of the triangles only those are kept that touch a vertex near a sample of the other surface: where they end, a rim
+    is seen, and pairs that would need others do not count.
+    """
+    from scipy.spatial import KDTree
+
+    inside: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = []
     for own, other, move in ((0, 1, motion), (1, 0, inverse(motion))):
         points = sides[own].points
         near = sides[other].nearest(points @ move[:3, :3].T + move[:3, 3]).distances < reach
-        if near.sum() < 10:
+        if near.sum() < _FEWEST:
             return None
-        low, high = points[near].min(axis=0) - reach, points[near].max(axis=0) + reach
+        low, high = (points[near].min(axis=0) - reach) * scale, (points[near].max(axis=0) + reach) * scale
         vertices, faces = pair[own].vertices, pair[own].faces
-        middles = vertices[faces[:, 0]] / scale
-        inside = ((middles >= low) & (middles <= high)).all(axis=1)
-        if inside.sum() < 10:
+        within = np.logical_and.reduce([(x >= a) & (x <= b) for x, a, b in zip(vertices.T, low, high, strict=True)])
+        inside.append(without_strays(vertices, faces if within.all() else faces[within[faces[:, 0]]]))
+        if len(inside[own][1]) < _FEWEST:
             return None
-        kept = faces if inside.all() else faces[inside]
-        normals = doubled_normals(vertices[kept])
-        length = np.linalg.norm(normals, axis=1)
-        skin = Skin(vertices, kept, normals / np.where(length > 0, length, 1.0)[:, None], rim_of(kept, len(vertices)))
-        made.append(Side(skin, scale, _SAMPLES))
+    shown = [spread_samples(*part, _SAMPLES) for part in inside]
+    made: list[Side] = []
+    for own, other, move in ((0, 1, inverse(motion)), (1, 0, motion)):
+        vertices, faces = inside[own]
+        there = shown[other][0] @ move[:3, :3].T + scale * move[:3, 3]
+        near = KDTree(vertices, balanced_tree=False, compact_nodes=False).query(there, k=_NEIGHBOURS)[1]
+        wanted = np.zeros(len(vertices) + 1, np.bool_)  # the last one stands for those that are not there
+        wanted[near] = True
+        points, owners, areas = shown[own]
+        some_vertices, some = without_strays(vertices, faces[wanted[faces].any(axis=1)])
+        skin = Skin(some_vertices, some, unit_normals(some_vertices[some]), rim_of(some, len(some_vertices)))
+        own_normals = unit_normals(vertices[faces[owners]])
+        made.append(Side(skin, scale, _SAMPLES, (points, own_normals, areas)))
     return made[0], made[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 from voxkernel._frozen import Frozen
 from voxkernel.errors import MeshError
 from voxkernel.registration.contest import Contest, End
-from voxkernel.registration.evidence import Evidence, Fit
+from voxkernel.registration.evidence import Fit
 from voxkernel.registration.icp import Refine
+from voxkernel.registration.judge import Judge, Judged
 from voxkernel.registration.last import last_refined
 from voxkernel.registration.motions import scaled, to_local, to_world
 from voxkernel.registration.prepare import PreparedSurface, prepare
@@ -20,32 +20,19 @@ from voxkernel.registration.rounding import motion_on_grid
 from voxkernel.registration.score import surface_score
 from voxkernel.registration.search import Guess, rotation_angle_deg
 from voxkernel.registration.side import Side
-from voxkernel.registration.verdict import NAMES, believed, descriptors
+from voxkernel.registration.verdict import NAMES
 
 __all__ = ["SCORE_REACH", "Judged", "Solution", "cropped_to_overlap", "solve"]
 
-ALL_SOURCES = 5
+ALL_SOURCES = 6
 SCORE_REACH = 1 / 30  # of the larger diagonal
 _DISTINCT_DEG = 5.0
-_EQUAL_RANKS = 0.02
-_SLIDES = 4e-3
 _NO_FIT = 0.02
-_CLEAR = 0.85  # a probability at which no further source of candidates is asked
-_OTHER_SIZE = 0.02
 _SAME = 1e-4  # a change of the motion that is not measured again
 _MISFIT = "no motion that was tried lays the surfaces on each other, facing the same way"
 _RESTLESS = "ICP has not come to rest on pairs of points"
 _OVERLAP_REACH = 1 / 20
 _LEAST_OVERLAP = 0.02
-
-
-class Judged(NamedTuple):
-    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
-
-    numbers: NDArray[np.float64]
-    probability: float
-    other_size: float
-    size: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -73,17 +60,14 @@ def solve(
     """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped."""
     contest = Contest(*pair)
     searched = contest if pair is shown else Contest(*shown)
-    known: list[tuple[End, Judged]] = []
-
-    def clear(end: End) -> bool:
-        known.append((end, _measured(searched, end)))
-        return known[-1][1].probability > _CLEAR
-
-    searched.run(clear, sources)
+    judge = Judge(searched)
+    searched.run(judge.clear, sources)
     guesses = tuple(_in_world(shown, g) for g in sorted(searched.guesses, key=lambda g: -g.moved_score))
     if searched is not contest:
         contest.enter([_between(searched, contest, end) for end in searched.ends])
-    best = contest.best
+        judge = Judge(contest)
+        judge.clear()
+    best = judge.best
     if best is None or best.rank < _NO_FIT:
         start = guesses[0].transform if guesses else np.eye(4)
         local = motion_on_grid(scaled(to_local(*pair, start), 1.0 / contest.scale))
@@ -92,24 +76,24 @@ def solve(
             Judged(np.full(len(NAMES), np.nan), 0.0, 1.0, 1.0), local, contest.sides, contest.fit(local),
         )  # fmt: skip
     if method == "none":
-        return _unrefined(contest, best, guesses, shown)
-    judged = next((j for end, j in reversed(known) if end is best), None)
-    return _final(contest, best, guesses, method, shown, judged)
+        return _unrefined(judge, best, guesses, shown)
+    return _final(judge, best, guesses, method, shown)
 
 
 def _final(
-    contest: Contest, best: End, guesses: tuple[Guess, ...], method: Refine,
-    shown: tuple[PreparedSurface, PreparedSurface], judged: Judged | None,
+    judge: Judge, best: End, guesses: tuple[Guess, ...], method: Refine,
+    shown: tuple[PreparedSurface, PreparedSurface],
 ) -> Solution:  # fmt: skip
     """Refine the best at full resolution, then measure it."""
+    contest, judged = judge.contest, judge.of(best)
     end = contest.rested(best)
     motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
     same = float(np.abs(motion - best.polished.transform).max()) < _SAME
     best = contest.measured(end, motion, end.polished)
-    if judged is None or not same:
-        judged = _measured(contest, best)
+    if not same:
+        judged = judge.of(best)
     score = surface_score(*contest.sides, best.fit, SCORE_REACH)
-    doubt = _doubt(contest, best)
+    doubt = judge.doubt(best)
     reason = doubt if rests else _RESTLESS
     world = to_world(*contest.pair, scaled(motion, contest.scale))
     guess = _in_world(shown, best.guess)
@@ -120,34 +104,19 @@ def _final(
 
 
 def _unrefined(
-    contest: Contest, best: End, guesses: tuple[Guess, ...], shown: tuple[PreparedSurface, PreparedSurface]
+    judge: Judge, best: End, guesses: tuple[Guess, ...], shown: tuple[PreparedSurface, PreparedSurface]
 ) -> Solution:
     """Take the guess that leads to the best end, but give it as the kernels did."""
+    contest = judge.contest
     world = to_world(*contest.pair, scaled(best.polished.transform, contest.scale))
     guess = _by_kernels(guesses, world) or _in_world(shown, best.guess)
     local = scaled(to_local(*contest.pair, guess.transform), 1.0 / contest.scale)
     fit = contest.fit(local)
-    doubt = _doubt(contest, best)
+    doubt = judge.doubt(best)
     return Solution(
         guess.transform, surface_score(*contest.sides, fit, SCORE_REACH), guess, guess, guesses, True, bool(doubt),
-        doubt, _measured(contest, best), local, contest.sides, fit,
+        doubt, judge.of(best), local, contest.sides, fit,
     )  # fmt: skip
-
-
-def _measured(contest: Contest, best: End) -> Judged:
-    """Measure an end and believe it or not by what has been tried so far."""
-    evidence = contest.evidence(best.polished.transform, best.fit)
-    rivals = contest.rivals(best)
-    size, similarity = contest.better_size(best)
-    numbers = descriptors(evidence, rivals[0].rank / best.rank if rivals else 0.0, size)
-    probability = believed(numbers)
-    if abs(np.log(size)) > _OTHER_SIZE and _fits_better(contest.evidence(similarity), evidence):
-        return Judged(numbers, min(probability, 0.02), size, size)
-    return Judged(numbers, probability, 1.0, size)
-
-
-def _fits_better(resized: Evidence, evidence: Evidence) -> bool:
-    return resized.systematic < 0.6 * evidence.systematic and resized.agreement >= evidence.agreement - 0.02
 
 
 def _in_world(pair: tuple[PreparedSurface, PreparedSurface], guess: Guess) -> Guess:
@@ -166,21 +135,6 @@ def _by_kernels(guesses: tuple[Guess, ...], answer: NDArray[np.float64]) -> Gues
     kernels = [g for g in guesses if g.origin == "kernel"]
     leading = [g for g in kernels if rotation_angle_deg(g.moved, answer) <= _DISTINCT_DEG]
     return max(leading or kernels, key=lambda g: g.score, default=None)
-
-
-def _doubt(contest: Contest, best: End) -> str:
-    """Say why the answer is one of several, or nothing."""
-    held = contest.slack(best)
-    if held[0] < _SLIDES * held[-1]:
-        free = int((held < _SLIDES * held[-1]).sum())
-        ways = "one way" if free == 1 else f"{free} ways"
-        return f"the surfaces slide on each other in {ways}, as spheres and bodies of revolution do"
-    for other in contest.rivals(best):
-        angle = rotation_angle_deg(other.polished.transform, best.polished.transform)
-        if best.rank - other.rank < _EQUAL_RANKS:
-            ranks = f"{best.rank:.3f} and {other.rank:.3f}"
-            return f"another motion, {angle:.0f} degrees away, fits as well (ranks {ranks})"
-    return ""
 
 
 def cropped_to_overlap(

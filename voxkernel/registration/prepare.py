@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
-from voxkernel._open3d import open3d_mesh
 from voxkernel.halfspaces import HalfSpaces
-from voxkernel.halfspaces.domain import surface_frame
 from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
 from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
-from voxkernel.mesh.triangles import doubled_normals
-from voxkernel.registration.thin import thinned
+from voxkernel.mesh.triangles import doubled_normals, without_strays
+from voxkernel.registration.thin import clustered, smoothed, thinned
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
 
@@ -30,6 +28,7 @@ _FINE_SAMPLES = 4000
 _MOST_SAMPLES = 20_000
 _FACETS_PER_STEP = 1500
 _MOST_STEPS = 10
+_SCRAMBLE = 2654435761, 2246822519  # odd, about the size of 2^32
 _CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
 
 
@@ -86,45 +85,108 @@ class PreparedSurface(Frozen):
 def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
     HalfSpaces.from_mesh(mesh)  # refuses what has no area or an extent beyond floating point
-    centroid, axes = surface_frame(mesh)
     corners, faces = _connected(mesh)
-    vertices = (corners - centroid) @ axes.T
+    centroid, axes, area = _frame(corners, faces)
+    vertices = _turned(corners - centroid, axes)
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     T_world_local = np.eye(4)
     T_world_local[:3, :3], T_world_local[:3, 3] = axes.T, centroid
-    thin, thin_faces = thinned(vertices, faces)
+    thin, thin_faces = thinned(vertices, faces, area)
     smooth = _smoothed(thin, thin_faces)
     few = simplified(smooth, thin_faces, diagonal)
     kernels = kernels_of(few, margins)
     vectors = 0.5 * doubled_normals(smooth[thin_faces])
-    own_vectors = vectors if len(thin_faces) == len(faces) else 0.5 * doubled_normals(vertices[faces])
     return PreparedSurface(
-        mesh, T_world_local, vertices, faces, diagonal, float(mesh.plane_areas.sum()),
+        mesh, T_world_local, vertices, faces, diagonal, area,
         Skin(thin, thin_faces, _unit(vectors), rim_of(thin_faces, len(thin))), smooth, margins, kernels,
         tuple(kernel_moments(k) for k in kernels),
-        samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces, own_vectors),
+        samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces),
     )  # fmt: skip
 
 
+def _frame(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Centroid and principal axes as rows, longest first, of facets taken as points in their middles; the area.
+
+    Signs follow the third moments. A frame to work in: unlike `surface_frame` it need not know triangles inside out.
+    By columns, which is quicker than by rows.
+    """
+    base = vertices[faces[0, 0]]
+    a, b, c = (np.ascontiguousarray(ids) for ids in faces.T)
+    u: list[NDArray[np.float64]] = []
+    v: list[NDArray[np.float64]] = []
+    middles: list[NDArray[np.float64]] = []
+    for column, start in zip(vertices.T, base, strict=True):
+        moved = column - start
+        at_a, at_b, at_c = moved[a], moved[b], moved[c]
+        u.append(at_b - at_a)
+        v.append(at_c - at_a)
+        middles.append((at_a + at_b + at_c) / 3.0)
+    x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    shares = 0.5 * np.sqrt(x * x + y * y + z * z)
+    area = float(shares.sum())
+    shares /= area
+    mean = np.array([shares @ m for m in middles])
+    for m, middle in zip(middles, mean, strict=True):
+        m -= middle
+    second = np.array([[(shares * m) @ n for n in middles] for m in middles])
+    axes = np.linalg.eigh(second)[1][:, ::-1].T.copy()
+    for row in range(2):
+        along = middles[0] * axes[row, 0] + middles[1] * axes[row, 1] + middles[2] * axes[row, 2]
+        if shares @ (along * along * along) < 0:
+            axes[row] *= -1
+    axes[2] = np.cross(axes[0], axes[1])
+    return base + mean, axes, area
+
+
+def _turned(points: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coordinates along axes, the rows of a matrix; the sums have one order, whatever the number of points."""
+    x, y, z = points.T
+    return np.column_stack([x * row[0] + y * row[1] + z * row[2] for row in axes])
+
+
 def rim_of(faces: NDArray[np.int64], count: int) -> Rim:
-    """Find the edges that belong to one facet only."""
-    ends = np.sort(np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1), axis=2)
-    keys = ends[:, :, 0] * np.int64(count) + ends[:, :, 1]
+    """Find the edges that belong to one facet only.
+
+    Where facets around a vertex close, as many edges lead to each neighbour as come from it, so that sums of the
+    neighbours' numbers are the same both ways. Of the others, a few, edges between two are counted one by one. The
+    numbers are scrambled, because those of a regular grid have equal sums by chance.
+    """
+    ends = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # of the edges opposite each corner
+    start, end = (e.ravel() for e in ends)
+    differ = np.zeros(count, np.bool_)
+    for factor in _SCRAMBLE:
+        weights = _scrambled(count, factor)
+        leaving = np.bincount(start, weights=weights[end], minlength=count)
+        differ |= leaving != np.bincount(end, weights=weights[start], minlength=count)
+    edges = np.zeros(faces.size, np.bool_)
+    wanted = np.flatnonzero(differ[start] & differ[end])
+    one, two = start[wanted], end[wanted]
+    keys = np.minimum(one, two) * np.int64(count) + np.maximum(one, two)
     _, place, number = np.unique(keys, return_inverse=True, return_counts=True)
-    edges = (number == 1)[place].reshape(keys.shape)
-    vertices = np.zeros(count, bool)
-    vertices[ends[edges].ravel()] = True
-    return Rim(edges, vertices)
+    edges[wanted] = (number == 1)[place.ravel()]
+    vertices = np.zeros(count, np.bool_)
+    vertices[start[edges]] = vertices[end[edges]] = True
+    return Rim(edges.reshape(faces.shape), vertices)
+
+
+def _scrambled(count: int, factor: int) -> NDArray[np.float64]:
+    """Whole numbers below 2^32, one for each vertex, whose sums are equal by no rule (xorshift and multiply)."""
+    numbers = np.arange(1, count + 1, dtype=np.uint64)
+    for _ in range(2):
+        numbers = numbers * np.uint64(factor) % np.uint64(1 << 32)
+        numbers ^= numbers >> np.uint64(15)
+    return numbers.astype(np.float64)
 
 
 def _connected(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Give the vertices in use; those of loose triangles are joined, or smoothing would shrink each to a point."""
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    vertices = mesh.vertices[used]
-    if len(vertices) > len(mesh.faces):
+    vertices, faces = without_strays(mesh.vertices, mesh.faces)
+    if len(vertices) > len(faces):
         vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
-        faces = merged.ravel()[faces]
-    return vertices, faces.reshape(mesh.faces.shape).astype(np.int64)
+        faces = merged.ravel()[faces].reshape(faces.shape)
+    return vertices, faces.astype(np.int64)
 
 
 def kernels_of(surface: tuple[NDArray[np.float64], NDArray[np.int64]], margins: tuple[float, ...]) -> Any:
@@ -144,20 +206,15 @@ def _smoothed(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     Their number says how small they are; their area does not, because noise makes it grow.
     """
     steps = min(_MOST_STEPS, round(len(faces) / _FACETS_PER_STEP))
-    if not steps:
-        return vertices
-    return np.asarray(open3d_mesh(vertices, faces).filter_smooth_simple(steps).vertices).copy()
+    return smoothed(vertices, faces, steps)
 
 
 def simplified(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], diagonal: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid, unless little would be left."""
-    thin = open3d_mesh(vertices, faces).simplify_vertex_clustering(_CELL * diagonal)
-    triangles = np.asarray(thin.triangles).astype(np.int64)
-    if len(triangles) < min(len(faces), 100):
-        return vertices, faces
-    return np.asarray(thin.vertices).copy(), triangles
+    thin, triangles = clustered(vertices, faces, _CELL * diagonal)
+    return (vertices, faces) if len(triangles) < min(len(faces), 100) else (thin, triangles)
 
 
 def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,18 +228,19 @@ def samples_of(vertices: NDArray[np.float64], faces: NDArray[np.int64], count: i
     return Samples(points, _unit(0.5 * doubled_normals(vertices[faces]))[owners])
 
 
-def _fine_samples(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], vectors: NDArray[np.float64]
-) -> Samples:
-    """Take the vertices with normals from those of the facets, and points between them where they are few."""
-    at_vertices = np.zeros_like(vertices)
+def _fine_samples(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Samples:
+    """Take vertices with normals from those of their facets, and points between them where they are few."""
+    step = max(1, len(vertices) // _MOST_SAMPLES)
+    shown = np.zeros(len(vertices), np.bool_)
+    shown[::step] = True
+    touched = faces if step == 1 else faces[shown[faces[:, 0]] | shown[faces[:, 1]] | shown[faces[:, 2]]]
+    vectors = 0.5 * doubled_normals(vertices[touched])
+    normals = np.zeros_like(vertices)
     for k in range(3):
         for axis in range(3):
-            at_vertices[:, axis] += np.bincount(faces[:, k], weights=vectors[:, axis], minlength=len(vertices))
-    points, normals = vertices, _unit(at_vertices)
+            normals[:, axis] += np.bincount(touched[:, k], weights=vectors[:, axis], minlength=len(vertices))
+    points, normals = vertices[shown], _unit(normals[shown])
     if len(vertices) < _FINE_SAMPLES:
         more, owners, _ = spread_samples(vertices, faces, _FINE_SAMPLES)
         points, normals = np.concatenate([points, more]), np.concatenate([normals, _unit(vectors)[owners]])
-    step = max(1, len(points) // _MOST_SAMPLES)
-    shown = np.ascontiguousarray(points[::step]), np.ascontiguousarray(normals[::step])
-    return Samples(*shown, n_vertices=min(len(vertices), _MOST_SAMPLES) if step == 1 else 0)
+    return Samples(points, normals, n_vertices=len(vertices) if step == 1 else 0)

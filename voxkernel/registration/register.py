@@ -108,11 +108,11 @@ def register(
     surface of at most 20,000 facets is smoothed and thinned; the principal frames of its relaxed kernels give
     motions, one for each proper choice of signs. When none fits clearly, local features [2]_ that agree with each
     other [3]_, the kernels of parts, the frames of the surfaces and a net of 60 rotations give more. All are refined
-    by ICP with Tukey's loss and judged by what they explain of both surfaces and what contradicts them; only the last
-    ICP sees the surfaces at full resolution, where they overlap. Nothing is random and sums keep one order. The pair is
-    put in the order of areas first, so that exchanging source and target gives the inverse motion; coordinates in
-    units of the larger diagonal are rounded to 2^-32 before anything is decided by them, so that another unit of
-    length changes nothing.
+    by ICP with Tukey's loss and judged by what they explain of both surfaces and what contradicts them; one that is
+    believed goes before one that explains more. Only the last ICP sees the surfaces at full resolution, where they
+    overlap. Nothing is random and sums keep one order. The pair is put in the order of areas first, so that
+    exchanging source and target gives the inverse motion; coordinates in units of the larger diagonal are rounded to
+    2^-32 before anything is decided by them, so that another unit of length changes nothing.
 
     References
     ----------

@@ -195,15 +195,28 @@ def net_guesses(source: PreparedSurface, target: PreparedSurface, kept: list[Gue
         more.append(Guess(turn, "surface", np.nan, turn))
     centers = [next((m.centroid for m in reversed(s.moments) if not m.is_empty), np.zeros(3)) for s in (source, target)]
     more += [Guess(m, "net", np.nan, m) for m in (_motion(r, *centers) for r in _net())]
-    return [g for g in more if all(rotation_angle_deg(g.transform, k.transform) > 2 * _SAME_DEG for k in kept)]
+    if not kept:
+        return more
+    turns = np.stack([k.transform[:3, :3] for k in kept])
+    return [g for g in more if _all_apart(g.transform, turns, 2 * _SAME_DEG)]
 
 
 def add_guesses(kept: list[Guess], more: list[Guess]) -> None:
     """Add guesses that are not close to one already there."""
     apart = _SAME_DEG if len(kept) < _MANY else 3.0 * _SAME_DEG
+    turns = np.empty((len(kept) + len(more), 3, 3))
+    for k, guess in enumerate(kept):
+        turns[k] = guess.transform[:3, :3]
     for guess in more:
-        if all(rotation_angle_deg(guess.transform, k.transform) > apart for k in kept):
+        if _all_apart(guess.transform, turns[: len(kept)], apart):
+            turns[len(kept)] = guess.transform[:3, :3]
             kept.append(guess)
+
+
+def _all_apart(motion: NDArray[np.float64], turns: NDArray[np.float64], angle_deg: float) -> bool:
+    """Whether a rotation is farther than an angle from all of some (k, 3, 3), by the traces of the differences."""
+    traces = np.einsum("kij,ij->k", turns, motion[:3, :3])
+    return bool((traces < 1.0 + 2.0 * np.cos(np.radians(angle_deg))).all())
 
 
 def tried(guesses: list[Guess], clouds: tuple[ScoredCloud, ScoredCloud], scale: float, most: int) -> list[Guess]:

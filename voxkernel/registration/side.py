@@ -57,14 +57,24 @@ def _weights(areas: NDArray[np.float64], scale: float, samples: int) -> NDArray[
 
 
 class Side:
-    """Samples of a surface and a search tree of its triangles, scaled to the size of the pair."""
+    """Samples of a surface and a search tree of its triangles, scaled to the size of the pair.
 
-    def __init__(self, skin: Skin, scale: float, samples: int) -> None:
+    The samples may also be given: points, normals and the areas they stand for.
+    """
+
+    def __init__(
+        self, skin: Skin, scale: float, samples: int,
+        given: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ) -> None:  # fmt: skip
         self.vertices = on_grid(skin.vertices / scale)
         self.faces = skin.faces
         self.facet_normals = on_grid(skin.normals)
-        points, owners, areas = spread_samples(skin.vertices, skin.faces, samples)
-        self.points, self.normals = on_grid(points / scale), self.facet_normals[owners]
+        if given is None:
+            points, owners, areas = spread_samples(skin.vertices, skin.faces, samples)
+            normals = self.facet_normals[owners]
+        else:
+            points, normals, areas = given[0], on_grid(given[1]), given[2]
+        self.points, self.normals = on_grid(points / scale), normals
         self.areas = _weights(areas, scale, samples)
         self.area = float(self.areas.sum())
         self._rim = skin.rim

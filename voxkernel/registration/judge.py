@@ -1,0 +1,124 @@
+"""What to believe of the ends of a contest: the answer is the one that explains most, unless another is believed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxkernel.registration.contest import Contest, End
+from voxkernel.registration.evidence import Evidence
+from voxkernel.registration.search import rotation_angle_deg
+from voxkernel.registration.verdict import NO_MATCH, believed, descriptors
+
+__all__ = ["Judge", "Judged"]
+
+_CLEAR = 0.85  # a probability at which no further source of candidates is asked
+_BELIEVED = 0.5  # a probability from which an end is preferred to one that explains more and is believed less
+_OTHER_SIZE = 0.02
+_OTHERWISE = 0.02  # the most that is believed where another size fits better
+_EQUAL_RANKS = 0.02
+_SLIDES = 4e-3
+
+
+class Judged(NamedTuple):
+    """Numbers for the verdict, the probability, the scale at which the surfaces clearly fit better (or 1), the best."""
+
+    numbers: NDArray[np.float64]
+    probability: float
+    other_size: float
+    size: float
+
+
+class _Measured(NamedTuple):
+    evidence: Evidence
+    size: float
+    other_size: float
+
+
+class Judge:
+    """Measures ends of a contest, each once.
+
+    An end that slides over smooth surfaces can explain more of them than the true one, a little off everywhere; what
+    is measured of both tells them apart.
+    """
+
+    def __init__(self, contest: Contest) -> None:
+        self.contest = contest
+        self._known: list[tuple[End, _Measured]] = []
+
+    def clear(self) -> bool:
+        """Whether the end that explains most, or one that comes after it, is clearly believed."""
+        best = self.contest.best
+        if best is None or self.of(best).probability > _CLEAR:
+            return best is not None
+        return any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self.contest.contenders())
+
+    @property
+    def best(self) -> End | None:
+        """The end that explains most, unless it is believed less than not and another one more."""
+        best = self.contest.best
+        known = [(self.of(end).probability, end) for end, _ in self._known if self._is_there(end)]
+        believed_most = max(known, key=lambda entry: entry[0], default=(0.0, None))
+        if best is None or believed_most[0] < _BELIEVED or self.of(best).probability >= _BELIEVED:
+            return best
+        return believed_most[1]
+
+    def of(self, end: End) -> Judged:
+        """Believe an end or not, beside what has been tried so far."""
+        known = next((measured for other, measured in self._known if other is end), None)
+        if known is None:
+            known = self._measured(end)
+            self._known.append((end, known))
+        numbers = descriptors(known.evidence, self._rival(end), known.size)
+        probability = believed(numbers)
+        return Judged(
+            numbers, probability if known.other_size == 1.0 else min(probability, _OTHERWISE), known.other_size,
+            known.size,
+        )  # fmt: skip
+
+    def _measured(self, end: End) -> _Measured:
+        contest = self.contest
+        evidence = contest.evidence(end.polished.transform, end.fit)
+        size, similarity = contest.better_size(end)
+        other = abs(np.log(size)) > _OTHER_SIZE and _fits_better(contest.evidence(similarity), evidence)
+        return _Measured(evidence, size, size if other else 1.0)
+
+    def doubt(self, best: End) -> str:
+        """Say why the answer is one of several, or nothing; what is no match by itself is no other answer."""
+        held = self.contest.slack(best)
+        if held[0] < _SLIDES * held[-1]:
+            free = int((held < _SLIDES * held[-1]).sum())
+            ways = "one way" if free == 1 else f"{free} ways"
+            return f"the surfaces slide on each other in {ways}, as spheres and bodies of revolution do"
+        is_believed = self.of(best).probability >= _BELIEVED
+        for other in self.contest.rivals(best):
+            if best.rank - other.rank >= _EQUAL_RANKS:
+                break
+            if is_believed and self._is_no_match(other):
+                continue
+            angle = rotation_angle_deg(other.polished.transform, best.polished.transform)
+            ranks = f"{best.rank:.3f} and {other.rank:.3f}"
+            return f"another motion, {angle:.0f} degrees away, fits as well (ranks {ranks})"
+        return ""
+
+    def _is_no_match(self, end: End) -> bool:
+        settled = self.contest.whole(end)
+        return not self._could_be(settled, NO_MATCH) or self.of(settled).probability < NO_MATCH
+
+    def _could_be(self, end: End, least: float = _BELIEVED) -> bool:
+        """Whether an end would be believed so much if no other size fitted better: it is believed less."""
+        evidence = self.contest.evidence(end.polished.transform, end.fit)
+        return believed(descriptors(evidence, self._rival(end), 1.0)) >= least
+
+    def _rival(self, end: End) -> float:
+        rivals = self.contest.rivals(end)
+        return rivals[0].rank / end.rank if rivals else 0.0
+
+    def _is_there(self, end: End) -> bool:
+        return any(other is end for other in self.contest.ends)
+
+
+def _fits_better(resized: Evidence, evidence: Evidence) -> bool:
+    return resized.systematic < 0.6 * evidence.systematic and resized.agreement >= evidence.agreement - 0.02
