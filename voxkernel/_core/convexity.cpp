@@ -118,4 +118,19 @@ int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triang
                   : edge_convexity_with<std::uint64_t>(surface, least, threads, stop);
 }
 
+std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, Stop& stop) {
+  std::vector<std::int32_t> count(n, 0), seen(n, 0), found(3 * n);
+  for (const std::int32_t v : ring) ++count[v];
+  for (Index i = 0; i < ring.size(); ++i) {
+    stop.poll();
+    const Index v = ring[i];
+    const auto triangle = static_cast<std::int32_t>(i / 3);
+    const std::int32_t place = seen[v]++;
+    if (place == 0) found[3 * v] = triangle;
+    if (place == count[v] / 2) found[3 * v + 1] = triangle;
+    if (place == count[v] - 1) found[3 * v + 2] = triangle;
+  }
+  return found;
+}
+
 }  // namespace voxkernel

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 
 #include "octahedron.h"
 #include "workers.h"
@@ -50,8 +51,18 @@ void insert_round(const DualPoints& duals, std::int32_t first, std::int32_t last
 
 }  // namespace
 
+namespace {
+
+DualTriangle* room_for(std::size_t n) {
+  void* memory = std::malloc(n * sizeof(DualTriangle));
+  if (memory == nullptr) throw std::bad_alloc();
+  return static_cast<DualTriangle*>(memory);
+}
+
+}  // namespace
+
 Triangulation::Triangulation(const DualPoints& duals, int n_inserters)
-    : triangles(new DualTriangle[static_cast<std::size_t>(2) * duals.size() + 8 + kChunk * (n_inserters + 1)]),
+    : triangles(room_for(static_cast<std::size_t>(2) * duals.size() + 8 + kChunk * (n_inserters + 1))),
       size(8),
       slots(duals.size() + 6, -1),
       first_same(duals.size()) {

@@ -184,13 +184,16 @@ Index facet_planes(Points vertices, Triangles corners, const double* origin, dou
   return undecided;
 }
 
-// The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
-Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
-  std::vector<char> is_used(vertices.size(), 0);
+namespace {
+
+void mark_used(Triangles faces, std::vector<char>& is_used, Stop& stop) {
   for (Index i = 0; i < faces.size(); ++i) {
     stop.poll();
     for (int k = 0; k < 3; ++k) is_used[faces(i, k)] = 1;
   }
+}
+
+Box range_of(Points vertices, const std::vector<char>& is_used, Stop& stop) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   Box box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}, infinity};
   for (Index i = 0; i < vertices.size(); ++i) {
@@ -207,8 +210,7 @@ Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
   return box;
 }
 
-PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
-  const Box box = coordinate_range(vertices, faces, stop);
+PlaneFrame frame_of(const Box& box) {
   PlaneFrame frame{};
   frame.smallest = box.smallest;
   double square = 0.0;
@@ -225,6 +227,50 @@ PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
   const double mantissa = std::frexp(std::sqrt(square) * (1.0 + 1e-12), &exponent);
   frame.scale = mantissa == 0.0 ? 1.0 : std::ldexp(1.0, mantissa == 0.5 ? exponent - 1 : exponent);
   return frame;
+}
+
+}  // namespace
+
+// The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
+Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
+  std::vector<char> is_used(vertices.size(), 0);
+  mark_used(faces, is_used, stop);
+  return range_of(vertices, is_used, stop);
+}
+
+PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
+  return frame_of(coordinate_range(vertices, faces, stop));
+}
+
+MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int threads, Stop& stop) {
+  MeshPlanes found;
+  {
+    std::vector<char> is_used(vertices.size(), 0);
+    mark_used(faces, is_used, stop);
+    if (corners.data() != faces.data()) mark_used(corners, is_used, stop);
+    found.frame = frame_of(range_of(vertices, is_used, stop));
+  }
+  const Index n = corners.size();
+  found.normals.resize(3 * n);
+  for (std::vector<double>* numbers : {&found.offsets, &found.areas, &found.errors}) numbers->resize(n);
+  const double scale = found.frame.scale;
+  std::atomic<Index> undecided{0}, refused{0};
+  run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    const auto part = [&](std::vector<double>& numbers) { return Span<double>(numbers).part(first, last); };
+    const Span<double> areas = part(found.areas), errors = part(found.errors);
+    undecided += facet_planes(vertices, {corners[first], last - first}, found.frame.origin, 1.0 / scale,
+                              {&found.normals[3 * first], last - first}, part(found.offsets), areas, errors, own);
+    Index without = 0;
+    for (Index i = 0; i < areas.size(); ++i) {
+      areas[i] *= scale * scale;
+      without += Index{errors[i] < 0.0};
+    }
+    refused += without;
+  });
+  found.undecided = undecided;
+  found.refused = refused;
+  found.bounds_volume = boundary_is_zero(faces, vertices.size(), threads, stop);
+  return found;
 }
 
 double least_spread(Points normals, Index step, Stop& stop) {

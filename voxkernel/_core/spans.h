@@ -76,6 +76,7 @@ class Rows {
 
 using Doubles = Span<const double>;
 using Indices = Span<const Index>;
+using SmallIndices = Span<const std::int32_t>;  // of what is less than 2**31
 using Points = Rows<const double, 3>;
 using Triangles = Rows<const Index, 3>;
 
