@@ -25,13 +25,13 @@ void bind_planes(nb::module_& m) {
         const PlaneFrame& frame = found.frame;
         return std::make_tuple(to_read_only(std::vector<double>(frame.origin, frame.origin + 3)), frame.scale,
                                std::make_tuple(frame.span[0], frame.span[1], frame.span[2]), frame.largest,
-                               frame.smallest, to_rows<3>(std::move(found.normals)),
-                               to_array(std::move(found.offsets)), to_array(std::move(found.areas)),
-                               to_array(std::move(found.errors)), found.undecided, found.refused,
-                               found.bounds_volume);
+                               frame.smallest, to_rows<3>(std::move(found.normals)), to_array(std::move(found.offsets)),
+                               to_array(std::move(found.areas)), to_array(std::move(found.errors)), found.undecided,
+                               found.refused, found.bounds_volume);
       },
       array("vertices"), array("faces"), array("corners"), nb::arg("threads") = 1,
-      "The planes of a mesh: origin, scale, spans along the axes, the largest magnitude and the smallest but zero; unit "
+      "The planes of a mesh: origin, scale, spans along the axes, the largest magnitude and the smallest but zero; "
+      "unit "
       "normals, offsets, areas, error bounds; how many are undecided, how many of them and without area; whether every "
       "edge of `faces` is traversed equally often in both directions.");
   m.def(

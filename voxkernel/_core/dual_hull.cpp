@@ -10,14 +10,12 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
-#include <memory>
-#include <new>
 #include <utility>
 #include <vector>
 
 #include "common_point.h"
 #include "dual_insertion.h"
+#include "pages.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -28,15 +26,15 @@ constexpr Index kLeast = 1 << 12;  // faces or vertices that are worth a thread
 using Place = std::int32_t;
 using Corners = std::array<Place, 3>;
 
-template <typename T>
-void forget(std::vector<T>& values) {
-  std::vector<T>().swap(values);
+template <typename T, typename A>
+void forget(std::vector<T, A>& values) {
+  std::vector<T, A>().swap(values);
 }
 
 // The polygons of a stretch of points.
 struct Polygons {
-  std::vector<Place> face;  // the place of its point
-  std::vector<Place> size, ring;
+  Brief<Place> face;  // the place of its point
+  Brief<Place> size, ring;
 };
 
 class PolytopeReader {
@@ -118,7 +116,7 @@ class PolytopeReader {
       }
     }
     n_vertices_ = 0;
-    std::vector<char> is_shared;
+    Brief<char> is_shared;
     for (Place i = 0; i < size; ++i) {
       stop_.poll();
       if (!hull_.triangles[i].is_there()) {
@@ -150,22 +148,20 @@ class PolytopeReader {
         std::sort(t.corner, t.corner + 3, [&](Place a, Place b) { return row_of(a) < row_of(b); });
       }
     });
-    auto* kept = static_cast<Place*>(static_cast<void*>(hull_.triangles.get()));
+    corners_ = static_cast<Corners*>(static_cast<void*>(hull_.triangles.get()));
     Place next = 0;
     for (Place i = 0; i < hull_.size; ++i) {
       stop_.poll();
       if (number_[i] != next) continue;
       const DualTriangle t = hull_.triangles[i];
-      std::copy_n(t.corner, 3, kept + 3 * static_cast<Index>(next++));
+      corners_[next++] = {t.corner[0], t.corner[1], t.corner[2]};
     }
-    void* moved = std::realloc(hull_.triangles.release(), std::max<std::size_t>(1, n_vertices_) * sizeof(Corners));
-    if (moved == nullptr) throw std::bad_alloc();
-    corners_.reset(static_cast<Corners*>(moved));
+    hull_.triangles.shrink(n_vertices_ * sizeof(Corners) / sizeof(DualTriangle) + 1);
   }
 
   // The vertices around every dual point that has three and more.
   void find_polygons() {
-    std::vector<Place>& around = hull_.slots;
+    Brief<Place>& around = hull_.slots;
     std::fill(around.begin(), around.end(), -1);
     const Place size = hull_.size;
     for (Place i = 0; i < size; ++i) {
@@ -221,13 +217,13 @@ class PolytopeReader {
 
   // Of vertices where more than three faces meet, three the widest apart.
   void choose_shared_corners() {
-    std::vector<Place> first(n_vertices_ + 1, 0);
+    Brief<Place> first(n_vertices_ + 1, 0);
     each_polygon([&](Place, const Place* ring, Place size) {
       for (Place j = 0; j < size; ++j) first[ring[j] + 1] += is_shared_[ring[j]];
     });
     for (Place v = 0; v < n_vertices_; ++v) first[v + 1] += first[v];
     if (first[n_vertices_] == 0) return;
-    std::vector<Place> around(first[n_vertices_]), fill(first.begin(), first.end() - 1);
+    Brief<Place> around(first[n_vertices_]), fill(first.begin(), first.end() - 1);
     each_polygon([&](Place face, const Place* ring, Place size) {
       for (Place j = 0; j < size; ++j) {
         if (is_shared_[ring[j]] != 0) around[fill[ring[j]]++] = face;
@@ -288,7 +284,7 @@ class PolytopeReader {
   // Faces in the order of their rows, vertices numbered by their first appearance, polygons turned to the vertex of the
   // lowest rows. Three places of a vertex stand where its rows will.
   void write(HullPolytope& found) {
-    std::vector<Face> faces;
+    Brief<Face> faces;
     {
       std::size_t count = 0;
       for (const Polygons& part : parts_) count += part.face.size();
@@ -310,7 +306,7 @@ class PolytopeReader {
         }
       }
     });
-    std::vector<Place> renamed(n_vertices_, -1);
+    Brief<Place> renamed(n_vertices_, -1);
     Place count = 0;
     found.start.reserve(n_faces + 1);
     found.start.push_back(0);
@@ -342,7 +338,7 @@ class PolytopeReader {
       for (int k = 0; k < 3; ++k) found.vertex_rows[3 * static_cast<Index>(renamed[v]) + k] = corners_[v][k];
     }
     forget(renamed);
-    corners_.reset();
+    hull_.triangles.reset();
     find_vertices(found);
   }
 
@@ -386,9 +382,9 @@ class PolytopeReader {
   Triangulation& hull_;
   std::vector<Inserter>& inserters_;
   Stop& stop_;
-  std::vector<Place> number_;     // of a triangle: its vertex
-  std::vector<char> is_shared_;   // of a vertex: whether it is several triangles
-  std::unique_ptr<Corners[], Freed> corners_;  // of a vertex: three places, ascending by row
+  Brief<Place> number_;         // of a triangle: its vertex
+  Brief<char> is_shared_;       // of a vertex: whether it is several triangles
+  Corners* corners_ = nullptr;  // of a vertex: three places, ascending by row
   std::vector<Polygons> parts_;
   Place n_vertices_ = 0;
 };

@@ -7,11 +7,10 @@
 
 #include <atomic>
 #include <cstdint>
-#include <cstdlib>
-#include <memory>
 #include <vector>
 
 #include "dual_points.h"
+#include "pages.h"
 #include "stop.h"
 
 namespace voxkernel {
@@ -24,21 +23,16 @@ struct DualTriangle {
   bool is_there() const { return corner[0] >= 0; }
 };
 
-struct Freed {
-  void operator()(void* memory) const noexcept { std::free(memory); }
-};
-
 // What inserters on several threads share.
 struct Triangulation {
   // The dual points of the sides of the cube: an octahedron about the centre.
   Triangulation(const DualPoints& duals, int n_inserters);
 
   static constexpr std::int32_t kChunk = 64;  // an inserter takes so many places at a time
-  // No memory before it is used, and, as `realloc` made it, none that is given back.
-  std::unique_ptr<DualTriangle[], Freed> triangles;
+  BriefArray<DualTriangle> triangles;
   std::atomic<std::int32_t> size;
-  std::vector<std::int32_t> slots;       // of a point: on the horizon, the triangle that begins there
-  std::vector<std::int32_t> first_same;  // of a point: where the first of the rows is that are the same half-space
+  Brief<std::int32_t> slots;       // of a point: on the horizon, the triangle that begins there
+  Brief<std::int32_t> first_same;  // of a point: where the first of the rows is that are the same half-space
 };
 
 // Inserts points in a stretch of places that is its own. It changes only triangles all of whose corners are, and reads

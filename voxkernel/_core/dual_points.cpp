@@ -54,10 +54,10 @@ std::uint32_t key_of(const double* n) {
 }
 
 // By keys, the lower half of their bits first; rows of one key stay in order.
-void sort_keys(std::vector<Keyed>& order, Stop& stop) {
+void sort_keys(Brief<Keyed>& order, Stop& stop) {
   constexpr int kBits = (kKeyBits + 1) / 2;
   constexpr std::uint32_t kMask = (1u << kBits) - 1;
-  std::vector<Keyed> other(order.size());
+  Brief<Keyed> other(order.size());
   std::vector<std::size_t> begin(kMask + 2);
   for (const int shift : {0, kBits}) {
     std::fill(begin.begin(), begin.end(), 0);
@@ -81,7 +81,7 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
     std::transform(rows.begin(), rows.end(), found.rows.begin(), [](Index i) { return static_cast<std::int32_t>(i); });
     return;
   }
-  std::vector<Keyed> order(n);
+  Brief<Keyed> order(n);
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
     for (Index i = first; i < last; ++i) {
       own.poll(4);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "exact_planes.h"
+#include "pages.h"
 #include "spans.h"
 #include "stop.h"
 
@@ -29,9 +30,9 @@ struct DualPoint {
 
 // Points that are near each other have places that are. The last six are the sides of a cube about the centre.
 struct DualPoints {
-  std::vector<std::int32_t> rows;   // of each place
-  std::vector<std::uint32_t> keys;  // ascending, the same for points of one cell of directions; none of few points
-  std::vector<DualPoint> points;
+  Brief<std::int32_t> rows;   // of each place
+  Brief<std::uint32_t> keys;  // ascending, the same for points of one cell of directions; none of few points
+  Brief<DualPoint> points;
 
   std::int32_t size() const { return static_cast<std::int32_t>(rows.size()); }
 };

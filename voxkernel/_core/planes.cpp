@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "avx2.h"
+#include "pages.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -250,6 +251,7 @@ MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int 
     if (corners.data() != faces.data()) mark_used(corners, is_used, stop);
     found.frame = frame_of(range_of(vertices, is_used, stop));
   }
+  found.bounds_volume = boundary_is_zero(faces, vertices.size(), threads, stop);
   const Index n = corners.size();
   found.normals.resize(3 * n);
   for (std::vector<double>* numbers : {&found.offsets, &found.areas, &found.errors}) numbers->resize(n);
@@ -269,7 +271,6 @@ MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int 
   });
   found.undecided = undecided;
   found.refused = refused;
-  found.bounds_volume = boundary_is_zero(faces, vertices.size(), threads, stop);
   return found;
 }
 
@@ -295,24 +296,26 @@ double least_spread(Points normals, Index step, Stop& stop) {
 // Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 // Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
 bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop) {
-  std::vector<Index> start(n_vertices + 1, 0);
-  const auto each_edge = [&](auto&& visit) {
+  Brief<Index> start(n_vertices + 1, 0);
+  const auto each_edge = [&](Stop& own, auto&& visit) {
     for (Index i = 0; i < faces.size(); ++i) {
-      stop.poll();
+      own.poll();
       for (int k = 0; k < 3; ++k) {
         const Index a = faces(i, k), b = faces(i, k == 2 ? 0 : k + 1);
         if (a != b) visit(a, b);
       }
     }
   };
-  each_edge([&](Index a, Index b) { ++start[std::min(a, b) + 1]; });
+  each_edge(stop, [&](Index a, Index b) { ++start[std::min(a, b) + 1]; });
   for (Index i = 0; i < n_vertices; ++i) start[i + 1] += start[i];
-  std::vector<Index> position(start.begin(), start.end() - 1);
-  std::vector<Index> keys(start[n_vertices]);
-  each_edge([&](Index a, Index b) { keys[position[std::min(a, b)]++] = a < b ? 2 * b : 2 * a + 1; });
-  std::vector<Index>().swap(position);
+  Brief<Index> position(start.begin(), start.end() - 1);
+  Brief<Index> keys(start[n_vertices]);
   std::atomic<bool> is_balanced{true};
   run_stretches(n_vertices, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    each_edge(own, [&](Index a, Index b) {
+      const Index low = std::min(a, b);
+      if (low >= first && low < last) keys[position[low]++] = a < b ? 2 * b : 2 * a + 1;
+    });
     for (Index i = first; i < last && is_balanced.load(std::memory_order_relaxed); ++i) {
       const Index high = start[i + 1];
       own.poll(1 + high - start[i]);
