@@ -1,12 +1,13 @@
 """`exact_kernel` beside its rivals, by size: the same meshes, in turn, CPU seconds, the minimum of some rounds.
 
-    python tests/benchmarks/size_classes.py [--cgal DIR] [--before DIR] [--large] [--json FILE]
+    python tests/benchmarks/size_classes.py [--cgal DIR] [--before DIR] [--large] [--json FILE [--seconds S]]
 
 Rivals are CGAL's `Polygon_mesh_processing::kernel` (6.2 or newer; DIR holds `usr/include`, as Debian's `libcgal-dev`,
 `libboost-dev` and `libmpfr-dev` unpack; compiled in about two minutes), SciPy's `HalfspaceIntersection` about a point
 found by HiGHS, and another version of this package (DIR holds its `voxkernel/`, ready to import). What is not at hand
 is named and left out. All start from a mesh in memory. A rival counts where its volume is within 1e-9 of ours, or
-within 1e-9 of the enclosed volume where ours is 0.
+within 1e-9 of the enclosed volume where ours is 0. A mesh whose row is in FILE is not measured again: so it can be
+done in pieces of about S seconds.
 """
 
 import argparse
@@ -192,6 +193,16 @@ def is_right(volume, ours, enclosed):
     return abs(volume - ours) <= (1e-9 * abs(ours) if ours else 1e-9 * abs(enclosed))
 
 
+def print_row(row, rivals):
+    """Milliseconds of the rivals for one mesh."""
+    seconds, right = row["seconds"], row["right"]
+    cells = (
+        f"{1e3 * seconds[rival]:.3g}{'' if rival in right else ' (wrong)'}" if rival in seconds else "-"
+        for rival in rivals
+    )
+    print(f"| {row['mesh']} | {row['facets']} | {row['faces']} | {' | '.join(cells)} |", flush=True)
+
+
 def print_classes(rows, peers, mine):
     """Geometric means over size classes, of the fastest peer that is right."""
     print(f"| facets | meshes | {' | '.join(f'{m} / best peer' for m in mine)} | slowest: {mine[0]} / best peer |")
@@ -222,7 +233,9 @@ def main():
     parser.add_argument("--most", type=int, default=10**9, help="facets of the largest mesh")
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="begin no mesh after so many")
     args = parser.parse_args()
+    begin = time.monotonic()
     with TemporaryDirectory() as work:
         rivals = {"this": Version(HERE.parents[1], work)}
         if args.before:
@@ -233,11 +246,18 @@ def main():
             print("CGAL is not at hand (--cgal): compared with SciPy only")
         if not args.own:
             rivals["SciPy"] = Scipy()
-        rows = []
+        rows = json.loads(args.json.read_text(encoding="utf-8")) if args.json and args.json.exists() else []
+        print(f"| mesh | facets | faces of the kernel | {' | '.join(f'{rival}, ms' for rival in rivals)} |")
+        print("|---|---|---|" + "---|" * len(rivals))
+        for row in rows:
+            print_row(row, rivals)
         chosen = meshes(large() if args.large else {**data_meshes(), **formulas()})
-        for name, mesh in ((n, m) for n, m in chosen.items() if len(m.faces) <= args.most):
-            path = Path(work) / "mesh.npz"
-            path = path.with_name(f"{len(rows)}.npz")
+        known = {row["mesh"] for row in rows}
+        for name, mesh in ((n, m) for n, m in chosen.items() if len(m.faces) <= args.most and n not in known):
+            if time.monotonic() - begin > args.seconds:
+                print("stopped; the same command goes on")
+                break
+            path = Path(work) / f"{len(rows)}.npz"
             np.savez(path, vertices=mesh.vertices, faces=mesh.faces)
             asked = {r: c for r, c in rivals.items() if r != "CGAL" or len(mesh.faces) <= args.cgal_most}
             found = in_turn(asked, mesh, path, args.rounds)
@@ -248,17 +268,9 @@ def main():
                 "seconds": {rival: answer[0] for rival, answer in found.items()},
                 "right": [rival for rival, answer in found.items() if is_right(answer[1], ours, mesh.volume)],
             })  # fmt: skip
-            seconds, right = rows[-1]["seconds"], rows[-1]["right"]
-            cells = (
-                f"{1e3 * seconds[rival]:.3g}{'' if rival in right else ' (wrong)'}" if rival in seconds else "-"
-                for rival in rivals
-            )
             if args.json:
                 args.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-            if len(rows) == 1:
-                print(f"| mesh | facets | faces of the kernel | {' | '.join(f'{rival}, ms' for rival in rivals)} |")
-                print("|---|---|---|" + "---|" * len(rivals))
-            print(f"| {name} | {len(mesh.faces)} | {rows[-1]['faces']} | {' | '.join(cells)} |", flush=True)
+            print_row(rows[-1], rivals)
     peers = [name for name in rivals if name not in ("this", "before")]
     print()
     if peers:

@@ -6,7 +6,7 @@ import shapes
 from hypothesis import given
 from hypothesis import strategies as st
 
-from voxkernel._core import boundary_is_zero, coordinate_range, facet_planes, least_spread, plane_frame
+from voxkernel._core import boundary_is_zero, coordinate_range, facet_planes, least_spread, mesh_planes, plane_frame
 
 
 @pytest.mark.parametrize("make", [shapes.cube, shapes.spiky, shapes.torus, shapes.open_box])
@@ -31,6 +31,28 @@ def test_facet_planes_tell_the_undecided_from_the_degenerate():
     errors = np.empty(3)
     assert facet_planes(vertices, faces, np.zeros(3), 1.0, np.empty((3, 3)), np.empty(3), np.empty(3), errors) == 1
     assert errors.tolist() == [-1, -2, -2]
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("make", [shapes.torus, shapes.open_box, lambda: shapes.uv_sphere(150, 200)])
+def test_planes_of_a_mesh_are_what_its_parts_give(make, threads):
+    vertices, faces = make()
+    vertices = 3.0 * vertices + [5.0, 0.0, -1.0]
+    faces = np.concatenate([faces, [[0, 0, 1]]])
+    corners = np.concatenate([faces[::2], [[0, 1, 1]]])
+    n = len(corners)
+    normals, offsets, areas, errors = np.empty((n, 3)), np.empty(n), np.empty(n), np.empty(n)
+    frame = plane_frame(vertices, np.concatenate([faces, corners]))
+    undecided = facet_planes(vertices, corners, frame[0], 1.0 / frame[1], normals, offsets, areas, errors)
+    found = mesh_planes(vertices, faces, corners, threads)
+    assert np.array_equal(found[0], frame[0])
+    assert found[1:5] == frame[1:]
+    for one, other in zip(found[5:9], (normals, offsets, areas * frame[1] ** 2, errors), strict=True):
+        assert np.array_equal(one, other)
+    closed = boundary_is_zero(faces, len(vertices))
+    assert found[9:] == (undecided, np.count_nonzero(errors < 0), closed)
+    assert closed == (make is not shapes.open_box)
+    assert found[10] >= 1
 
 
 def test_coordinate_range(rng):

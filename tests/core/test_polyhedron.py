@@ -5,12 +5,12 @@ import pytest
 import shapes
 
 import voxkernel
-from voxkernel._core import moments, planes_reaching, solid_angle
+from voxkernel._core import moments, planes_reaching, solid_angle, triangles_at_vertices
 
 
 def test_moments_of_a_box():
     kernel = voxkernel.exact_kernel(shapes.box((-1, -1, -1), (1, 2, 3)))
-    volume, first, second, area = moments(kernel.vertices, kernel.face_starts, kernel.face_vertices)
+    volume, first, second, area = moments(kernel.vertices, kernel.face_starts, kernel.face_vertices.astype(np.int32))
     assert volume == pytest.approx(24)
     assert first / volume == pytest.approx([0, 0.5, 1])
     assert np.diag(second) == pytest.approx([24 / 3, 24 * (9 / 12 + 0.25), 24 * (16 / 12 + 1)])
@@ -49,10 +49,23 @@ def test_reach_leaves_out_nothing_within_rounding():
 
 def test_solid_angle_of_closed_and_open_surfaces():
     vertices, faces = shapes.spiky()
-    assert solid_angle(vertices, faces.ravel()) == pytest.approx(4 * np.pi)
-    assert solid_angle(vertices + 50, faces.ravel()) == pytest.approx(0, abs=1e-9)
+    ring = faces.ravel().astype(np.int32)
+    assert solid_angle(vertices, ring) == pytest.approx(4 * np.pi)
+    assert solid_angle(vertices + 50, ring) == pytest.approx(0, abs=1e-9)
     octant = np.eye(3)
-    assert solid_angle(octant, np.array([0, 1, 2])) == pytest.approx(np.pi / 2)
+    assert solid_angle(octant, ring[:0]) == 0
+    assert solid_angle(octant, np.array([0, 1, 2], np.int32)) == pytest.approx(np.pi / 2)
+
+
+def test_three_triangles_at_every_vertex():
+    """The first, a middle and the last one, as sorting finds them."""
+    vertices, faces = shapes.icosphere(1)
+    ring = np.random.default_rng(0).permutation(faces).ravel().astype(np.int32)
+    order = np.argsort(ring, kind="stable")
+    counts = np.bincount(ring)
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    expected = np.stack([order[first], order[first + counts // 2], order[first + counts - 1]], axis=1) // 3
+    assert np.array_equal(triangles_at_vertices(ring, len(vertices)), expected)
 
 
 def test_reach_far_beyond_the_range_of_floats():

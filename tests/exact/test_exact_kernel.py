@@ -256,6 +256,17 @@ def test_degenerate_dual_hulls_stay_whole(seed):
     assert len(solid.vertices) - edges + len(solid.rows) == 2
 
 
+@pytest.mark.parametrize("make", [shapes.cube, shapes.spiky, shapes.s_tetromino, shapes.torus])
+def test_ids_have_64_bits_and_are_made_once(make):
+    kernel = voxkernel.exact_kernel(make())
+    for ids in (kernel.face_vertices, kernel.vertex_rows):
+        assert ids.dtype == np.int64
+        assert not ids.flags.writeable
+    assert kernel.face_vertices is kernel.face_vertices
+    assert kernel.vertex_rows is kernel.vertex_rows
+    assert kernel.vertex_rows.shape == ((len(kernel.vertices) if kernel.dimension == 3 else 0), 3)
+
+
 def test_result_is_frozen_and_plain():
     kernel = voxkernel.exact_kernel(shapes.cube())
     with pytest.raises(dataclasses.FrozenInstanceError):

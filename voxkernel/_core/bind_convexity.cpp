@@ -19,6 +19,13 @@ void bind_convexity(nb::module_& m) {
       "Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without two faces, "
       "or less than `least`.");
   m.def(
+      "triangles_at_vertices",
+      [](Array1<const std::int32_t> ring, Index n_vertices) {
+        return to_read_only_rows<3>(
+            without_lock([&](Stop& stop) { return triangles_at_vertices(span(ring), n_vertices, stop); }));
+      },
+      array("ring"), nb::arg("n_vertices"), "The first, a middle and the last triangle at each vertex.");
+  m.def(
       "coplanar_groups",
       [](Array2<const double, 3> normals, Array2<const double, 3> vertices, Array2<const Index, 3> corners,
          Array2<const double, 4> explicit_planes, bool is_cone, int threads) {

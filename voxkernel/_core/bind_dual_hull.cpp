@@ -19,8 +19,8 @@ void bind_dual_hull(nb::module_& m) {
                                    local_center.data(), center_error,  scale};
           const PlaneSource source{rows(vertices), rows(corners), rows(given), rows(center)};
           const InputPlanes sources{source.vertices, source.corners, source.given, is_cone};
-          const std::vector<Index> first = first_of_planes(planes.normals, sources, span(chosen), threads, stop);
-          return dual_hull(planes, source, first, cube_exponent, threads, stop);
+          std::vector<Index> first = first_of_planes(planes.normals, sources, span(chosen), threads, stop);
+          return dual_hull(planes, source, std::move(first), cube_exponent, threads, stop);
         });
         return std::make_tuple(found.is_inside, found.is_closed, to_rows<3>(std::move(found.vertices)),
                                to_read_only_rows<3>(std::move(found.vertex_rows)), found.vertex_error,
@@ -36,7 +36,8 @@ void bind_dual_hull(nb::module_& m) {
   m.def(
       "solid_measures",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array<const double, 3> center,
-         Array2<double, 3> vertices, Array1<const Index> start, Array1<const Index> ring, Array1<const Index> rows_,
+         Array2<double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring,
+         Array1<const std::int32_t> rows_,
          double proven, Array<const double, 3> origin, double scale) {
         const auto to_world = [&](double* points, Index n) {
           for (Index i = 0; i < 3 * n; ++i) points[i] = (center(i % 3) + points[i]) * scale + origin(i % 3);

@@ -18,6 +18,23 @@ void bind_planes(nb::module_& m) {
       array("offsets"), array("areas"), array("errors"),
       "Fill unit normals, offsets, areas and error bounds of facet planes; return how many are undecided.");
   m.def(
+      "mesh_planes",
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces, Array2<const Index, 3> corners, int threads) {
+        MeshPlanes found = without_lock(
+            [&](Stop& stop) { return mesh_planes(rows(vertices), rows(faces), rows(corners), threads, stop); });
+        const PlaneFrame& frame = found.frame;
+        return std::make_tuple(to_read_only(std::vector<double>(frame.origin, frame.origin + 3)), frame.scale,
+                               std::make_tuple(frame.span[0], frame.span[1], frame.span[2]), frame.largest,
+                               frame.smallest, to_rows<3>(std::move(found.normals)), to_array(std::move(found.offsets)),
+                               to_array(std::move(found.areas)), to_array(std::move(found.errors)), found.undecided,
+                               found.refused, found.bounds_volume);
+      },
+      array("vertices"), array("faces"), array("corners"), nb::arg("threads") = 1,
+      "The planes of a mesh: origin, scale, spans along the axes, the largest magnitude and the smallest but zero; "
+      "unit "
+      "normals, offsets, areas, error bounds; how many are undecided, how many of them and without area; whether every "
+      "edge of `faces` is traversed equally often in both directions.");
+  m.def(
       "coordinate_range",
       [](Array2<const double, 3> vertices, Array2<const Index, 3> faces) {
         const Box box = without_lock([&](Stop& stop) { return coordinate_range(rows(vertices), rows(faces), stop); });

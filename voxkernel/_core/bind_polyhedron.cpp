@@ -7,7 +7,7 @@ namespace voxkernel {
 void bind_polyhedron(nb::module_& m) {
   m.def(
       "moments",
-      [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const Index> ring) {
+      [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring) {
         const Moments found =
             without_lock([&](Stop& stop) { return moments(rows(vertices), span(start), span(ring), stop); });
         return std::make_tuple(found.volume, to_array(std::vector<double>(found.first, found.first + 3)),
@@ -18,7 +18,7 @@ void bind_polyhedron(nb::module_& m) {
       "Volume, first and second moments about the origin, area, of polygons seen from the origin inside.");
   m.def(
       "solid_angle",
-      [](Array2<const double, 3> vertices, Array1<const Index> ring) {
+      [](Array2<const double, 3> vertices, Array1<const std::int32_t> ring) {
         return without_lock([&](Stop& stop) { return solid_angle(rows(vertices), span(ring), stop); });
       },
       array("vertices"), array("ring"), "Signed solid angle of triangles seen from the origin.");

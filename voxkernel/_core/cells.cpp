@@ -223,7 +223,7 @@ double CellSolver::hull_volume(const double* center, double depth) const {
   std::vector<Index> rows(n);
   std::iota(rows.begin(), rows.end(), Index{0});
   rows = first_of_planes(local.normals, sources, rows, 1, stop_);
-  const HullPolytope hull = dual_hull(local, source, rows, std::ilogb(scale) + kFarCube, 1, stop_);
+  const HullPolytope hull = dual_hull(local, source, std::move(rows), std::ilogb(scale) + kFarCube, 1, stop_);
   if (!hull.is_inside || !hull.is_closed) return -1.0;
   const Points vertices{hull.vertices.data(), static_cast<Index>(hull.vertices.size() / 3)};
   const SolidMeasures found =

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "pages.h"
 #include "predicates.h"
 #include "stretches.h"
 #include "workers.h"
@@ -74,23 +75,25 @@ int edge_convexity_with(const Surface& surface, int least, int threads, Stop& st
   const Triangles faces = surface.faces;
   const Index n_vertices = surface.vertices.size();
   const auto lower = [&](Index f, int k) { return std::min(faces(f, k), next_corner(faces[f], k)); };
-  std::vector<Small> end(n_vertices + 1, 0);
+  Brief<Small> end(n_vertices + 1, 0);
   for_each(faces.size(), 1, stop, [&](Index f) {
     for (int k = 0; k < 3; ++k) ++end[lower(f, k) + 1];
   });
   for (Index v = 0; v < n_vertices; ++v) end[v + 1] += end[v];
-  std::vector<HalfEdge<Small>> edges(3 * faces.size());
-  // Filling moves each start to where the next one was.
-  for_each(faces.size(), 1, stop, [&](Index f) {
-    for (int k = 0; k < 3; ++k) {
-      const Index larger = std::max(faces(f, k), next_corner(faces[f], k));
-      edges[end[lower(f, k)]++] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
-    }
-  });
+  Brief<HalfEdge<Small>> edges(3 * faces.size());
   // The least answer of all vertices; 0 ends the others.
   std::atomic<int> answer{2};
   run_stretches(n_vertices, kLeast, threads, stop, [&](Index begin, Index finish, Stop& own) {
-    Index first = begin == 0 ? 0 : static_cast<Index>(end[begin - 1]);
+    auto first = static_cast<Index>(end[begin]);
+    // Those of its own vertices. Filling moves each start to where the next one was.
+    for_each(faces.size(), 1, own, [&](Index f) {
+      for (int k = 0; k < 3; ++k) {
+        const Index v = lower(f, k);
+        if (v < begin || v >= finish) continue;
+        const Index larger = std::max(faces(f, k), next_corner(faces[f], k));
+        edges[end[v]++] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
+      }
+    });
     for (Index v = begin; v < finish && answer.load(std::memory_order_relaxed) > 0; ++v) {
       const Index last = static_cast<Index>(end[v]);
       own.poll(1 + last - first);
@@ -116,6 +119,22 @@ int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triang
   const bool is_small = std::max(vertices.size(), 3 * faces.size()) <= Index{UINT32_MAX};
   return is_small ? edge_convexity_with<std::uint32_t>(surface, least, threads, stop)
                   : edge_convexity_with<std::uint64_t>(surface, least, threads, stop);
+}
+
+std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, Stop& stop) {
+  Brief<std::int32_t> count(n, 0), seen(n, 0);
+  std::vector<std::int32_t> found(3 * n);
+  for (const std::int32_t v : ring) ++count[v];
+  for (Index i = 0; i < ring.size(); ++i) {
+    stop.poll();
+    const Index v = ring[i];
+    const auto triangle = static_cast<std::int32_t>(i / 3);
+    const std::int32_t place = seen[v]++;
+    if (place == 0) found[3 * v] = triangle;
+    if (place == count[v] / 2) found[3 * v + 1] = triangle;
+    if (place == count[v] - 1) found[3 * v + 2] = triangle;
+  }
+  return found;
 }
 
 }  // namespace voxkernel

@@ -1,6 +1,9 @@
 // Whether a closed triangle surface is locally convex at every edge, decided exactly.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "spans.h"
 #include "stop.h"
 
@@ -8,5 +11,9 @@ namespace voxkernel {
 
 int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triangles plane_corners, int least,
                    int threads, Stop& stop);
+
+// The first, a middle and the last triangle at each of `n` vertices, all of which are in use: of a strictly convex
+// surface, no two in one plane. Three rows a vertex.
+std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, Stop& stop);
 
 }  // namespace voxkernel

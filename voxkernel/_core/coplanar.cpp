@@ -8,6 +8,7 @@
 
 #include "expansions.h"
 #include "modular.h"
+#include "pages.h"
 #include "predicates.h"
 #include "workers.h"
 
@@ -179,7 +180,7 @@ class Heads {
   }
 
   void grow() {
-    std::vector<Slot> old(2 * slots_.size(), Slot{0, -1});
+    Brief<Slot> old(2 * slots_.size(), Slot{0, -1});
     old.swap(slots_);
     for (const Slot& slot : old) {
       if (slot.head < 0) continue;
@@ -191,8 +192,8 @@ class Heads {
 
   Points normals_;
   const InputPlanes& sources_;
-  std::vector<Slot> slots_;          // a power of two of them, at most half of them in use
-  std::vector<std::int32_t> known_;  // the last head on whose plane a vertex was found to lie
+  Brief<Slot> slots_;          // a power of two of them, at most half of them in use
+  Brief<std::int32_t> known_;  // the last head on whose plane a vertex was found to lie
   Index size_ = 0;
 };
 
@@ -248,8 +249,8 @@ std::vector<Index> first_of_planes(Points normals, const InputPlanes& sources, I
   if (rows.size() == normals.size()) {
     groups = coplanar_groups(normals, sources, threads, stop);
   } else {
-    std::vector<double> some_normals(static_cast<std::size_t>(3) * rows.size());
-    std::vector<Index> some_corners(static_cast<std::size_t>(3) * rows.size());
+    Brief<double> some_normals(static_cast<std::size_t>(3) * rows.size());
+    Brief<Index> some_corners(static_cast<std::size_t>(3) * rows.size());
     for (Index i = 0; i < rows.size(); ++i) {
       std::copy_n(normals[rows[i]], 3, some_normals.data() + 3 * i);
       std::copy_n(sources.corners[rows[i]], 3, some_corners.data() + 3 * i);

@@ -11,9 +11,11 @@
 #include <cmath>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "common_point.h"
 #include "dual_insertion.h"
+#include "pages.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -24,22 +26,28 @@ constexpr Index kLeast = 1 << 12;  // faces or vertices that are worth a thread
 using Place = std::int32_t;
 using Corners = std::array<Place, 3>;
 
-template <typename T>
-void forget(std::vector<T>& values) {
-  std::vector<T>().swap(values);
+template <typename T, typename A>
+void forget(std::vector<T, A>& values) {
+  std::vector<T, A>().swap(values);
 }
 
 // The polygons of a stretch of points.
 struct Polygons {
-  std::vector<Place> face;  // the place of its point
-  std::vector<Place> size, ring;
+  Brief<Place> face;  // the place of its point
+  Brief<Place> size, ring;
 };
 
 class PolytopeReader {
  public:
-  PolytopeReader(const LocalPlanes& planes, const PlaneSource& source, DualPoints& duals, Triangulation& hull,
-                 std::vector<Inserter>& inserters, Stop& stop)
-      : planes_(planes), source_(source), duals_(duals), hull_(hull), inserters_(inserters), stop_(stop) {}
+  PolytopeReader(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& duals,
+                 Triangulation& hull, std::vector<Inserter>& inserters, Stop& stop)
+      : planes_(planes),
+        source_(source),
+        cube_exponent_(cube_exponent),
+        duals_(duals),
+        hull_(hull),
+        inserters_(inserters),
+        stop_(stop) {}
 
   HullPolytope read() {
     HullPolytope found;
@@ -50,12 +58,12 @@ class PolytopeReader {
     }
     if (!found.is_closed) return found;
     number_vertices();
-    find_corners();
+    forget(duals_.points);
     find_polygons();
-    hull_.triangles.reset();
+    keep_corners();
     forget(number_);
     choose_shared_corners();
-    forget(duals_.points);
+    forget(hull_.first_same);
     write(found);
     return found;
   }
@@ -76,20 +84,18 @@ class PolytopeReader {
   // Triangles in one plane have one number: a vertex of the polytope.
   void number_vertices() {
     const Place size = hull_.size;
-    std::vector<std::vector<std::pair<Place, Place>>> flat(threads());
     each_part(size, [&](Place first, Place last, int part, Stop& own) {
       DualSigns& signs = inserters_[part].signs;
       for (Place i = first; i < last; ++i) {
         own.poll(4);
-        const DualTriangle& t = hull_.triangles[i];
+        DualTriangle& t = hull_.triangles[i];
+        t.mark = 0;  // of the edges that are flat
         for (int k = 0; k < 3 && t.is_there(); ++k) {
           const DualTriangle& o = hull_.triangles[t.across[k]];
           if (t.across[k] < i) continue;
           int opposite = 0;
           while (o.across[opposite] != i) ++opposite;
-          if (signs.beyond(t.corner[0], t.corner[1], t.corner[2], o.corner[opposite]) == 0) {
-            flat[part].push_back({i, t.across[k]});
-          }
+          if (signs.beyond(t.corner[0], t.corner[1], t.corner[2], o.corner[opposite]) == 0) t.mark |= 1 << k;
         }
       }
     });
@@ -100,15 +106,17 @@ class PolytopeReader {
       while (number_[i] != i) i = number_[i] = number_[number_[i]];
       return i;
     };
-    for (const auto& edges : flat) {
-      for (const auto& [one, other] : edges) {
-        stop_.poll();
-        const Place a = first_of(one), b = first_of(other);
+    for (Place i = 0; i < size; ++i) {
+      stop_.poll();
+      const DualTriangle& t = hull_.triangles[i];
+      for (int k = 0; t.mark != 0 && k < 3; ++k) {
+        if ((t.mark >> k & 1) == 0) continue;
+        const Place a = first_of(i), b = first_of(t.across[k]);
         number_[std::max(a, b)] = std::min(a, b);
       }
     }
     n_vertices_ = 0;
-    std::vector<char> is_shared;
+    Brief<char> is_shared;
     for (Place i = 0; i < size; ++i) {
       stop_.poll();
       if (!hull_.triangles[i].is_there()) {
@@ -128,38 +136,47 @@ class PolytopeReader {
   // The place of the first half-space that is the same.
   Place face_of(Place point) const { return hull_.first_same[point]; }
 
-  void sort_by_row(Corners& corners) const {
-    std::sort(corners.begin(), corners.end(), [&](Place a, Place b) { return row_of(a) < row_of(b); });
-  }
-
-  // The three faces of every vertex that has no more.
-  void find_corners() {
-    corners_.resize(n_vertices_);
+  // The three faces of every vertex, of one triangle of it, in the memory of the triangles. Of vertices that have more
+  // faces three others are chosen.
+  void keep_corners() {
     each_part(hull_.size, [&](Place first, Place last, int, Stop& own) {
       for (Place i = first; i < last; ++i) {
         own.poll();
-        const DualTriangle& t = hull_.triangles[i];
-        if (!t.is_there() || is_shared_[number_[i]] != 0) continue;
-        Corners& corners = corners_[number_[i]];
-        for (int k = 0; k < 3; ++k) corners[k] = face_of(t.corner[k]);
-        sort_by_row(corners);
+        DualTriangle& t = hull_.triangles[i];
+        if (!t.is_there()) continue;
+        for (Place& corner : t.corner) corner = face_of(corner);
+        std::sort(t.corner, t.corner + 3, [&](Place a, Place b) { return row_of(a) < row_of(b); });
       }
     });
+    corners_ = static_cast<Corners*>(static_cast<void*>(hull_.triangles.get()));
+    Place next = 0;
+    for (Place i = 0; i < hull_.size; ++i) {
+      stop_.poll();
+      if (number_[i] != next) continue;
+      const DualTriangle t = hull_.triangles[i];
+      corners_[next++] = {t.corner[0], t.corner[1], t.corner[2]};
+    }
+    hull_.triangles.shrink(n_vertices_ * sizeof(Corners) / sizeof(DualTriangle) + 1);
   }
 
   // The vertices around every dual point that has three and more.
   void find_polygons() {
-    std::vector<Place>& around = hull_.slots;
+    Brief<Place>& around = hull_.slots;
     std::fill(around.begin(), around.end(), -1);
     const Place size = hull_.size;
     for (Place i = 0; i < size; ++i) {
       if (!hull_.triangles[i].is_there()) continue;
       for (const Place c : hull_.triangles[i].corner) around[c] = i;
     }
+    // Room taken here is given back when it is freed, other than that of a thread.
     std::vector<Polygons> parts(threads());
+    for (Polygons& part : parts) {
+      part.ring.reserve(static_cast<std::size_t>(4) * (size - 4) / parts.size());  // of 3 corners each, and some
+      part.face.reserve(duals_.size() / parts.size() + 1);
+      part.size.reserve(duals_.size() / parts.size() + 1);
+    }
     const int n_parts = each_part(duals_.size(), [&](Place first, Place last, int part, Stop& own) {
       Polygons& found = parts[part];
-      found.ring.reserve(static_cast<std::size_t>(4 * (hull_.size - 4) / threads()));  // of 3 corners each, and some
       for (Place p = first; p < last; ++p) {
         if (around[p] < 0) continue;
         const std::size_t begin = found.ring.size();
@@ -200,13 +217,13 @@ class PolytopeReader {
 
   // Of vertices where more than three faces meet, three the widest apart.
   void choose_shared_corners() {
-    std::vector<Place> first(n_vertices_ + 1, 0);
+    Brief<Place> first(n_vertices_ + 1, 0);
     each_polygon([&](Place, const Place* ring, Place size) {
       for (Place j = 0; j < size; ++j) first[ring[j] + 1] += is_shared_[ring[j]];
     });
     for (Place v = 0; v < n_vertices_; ++v) first[v + 1] += first[v];
     if (first[n_vertices_] == 0) return;
-    std::vector<Place> around(first[n_vertices_]), fill(first.begin(), first.end() - 1);
+    Brief<Place> around(first[n_vertices_]), fill(first.begin(), first.end() - 1);
     each_polygon([&](Place face, const Place* ring, Place size) {
       for (Place j = 0; j < size; ++j) {
         if (is_shared_[ring[j]] != 0) around[fill[ring[j]]++] = face;
@@ -214,37 +231,41 @@ class PolytopeReader {
     });
     forget(fill);
     each_part(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
+      PointMaker maker(planes_, source_, duals_, cube_exponent_);
       for (Place v = begin; v < end; ++v) {
         own.poll(4);
         if (is_shared_[v] == 0) continue;
         Place* low = around.data() + first[v];
         const Place n = first[v + 1] - first[v];
         std::sort(low, low + n, [&](Place a, Place b) { return row_of(a) < row_of(b); });
-        corners_[v] = widest(low, n, inserters_[part].signs);
+        corners_[v] = widest(low, n, maker, inserters_[part].signs.exact);
       }
     });
   }
 
   // Of faces in ascending order, three whose planes meet in one point.
-  Corners widest(const Place* faces, Place n, DualSigns& signs) const {
+  static Corners widest(const Place* faces, Place n, PointMaker& maker, ExactPlanes& exact) {
     if (n == 3) return {faces[0], faces[1], faces[2]};
-    const DualPoint* points = duals_.points.data();
-    const double* a = points[faces[0]].q;
+    std::vector<DualPoint> points(n);
+    for (Place j = 0; j < n; ++j) maker.make(faces[j], points[j]);
+    const double* a = points[0].q;
     const auto cross_size = [&](const double* b) {
       const double c[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
       return size_of(c) / size_of(b);
     };
     Place second = 1, third = -1;
     for (Place j = 2; j < n; ++j) {
-      if (cross_size(points[faces[j]].q) > cross_size(points[faces[second]].q)) second = j;
+      if (cross_size(points[j].q) > cross_size(points[second].q)) second = j;
     }
-    const double* b = points[faces[second]].q;
+    const auto meet = [&](Place j) {
+      const int sign = rounded_side(points[0], points[second], points[j]);
+      return (sign == 2 ? exact.normals_sign(faces[0], faces[second], faces[j]) : sign) != 0;
+    };
     double best = -1.0;
     for (Place j = 1; j < n; ++j) {
       if (j == second) continue;
-      const double* c = points[faces[j]].q;
-      const double value = std::abs(determinant(a, b, c)) / size_of(c);
-      if (value > best && signs.side(faces[0], faces[second], faces[j]) != 0) {
+      const double value = std::abs(determinant(a, points[second].q, points[j].q)) / size_of(points[j].q);
+      if (value > best && meet(j)) {
         best = value;
         third = j;
       }
@@ -263,7 +284,7 @@ class PolytopeReader {
   // Faces in the order of their rows, vertices numbered by their first appearance, polygons turned to the vertex of the
   // lowest rows. Three places of a vertex stand where its rows will.
   void write(HullPolytope& found) {
-    std::vector<Face> faces;
+    Brief<Face> faces;
     {
       std::size_t count = 0;
       for (const Polygons& part : parts_) count += part.face.size();
@@ -285,7 +306,7 @@ class PolytopeReader {
         }
       }
     });
-    std::vector<Place> renamed(n_vertices_, -1);
+    Brief<Place> renamed(n_vertices_, -1);
     Place count = 0;
     found.start.reserve(n_faces + 1);
     found.start.push_back(0);
@@ -304,7 +325,7 @@ class PolytopeReader {
       for (Place f = first; f < last; ++f) {
         own.poll(4);
         const Face& face = faces[f];
-        Index* ring = &found.ring[found.start[f]];
+        Place* ring = &found.ring[found.start[f]];
         for (Place j = 0; j < face.size; ++j) ring[j] = renamed[face.ring[(face.least + j) % face.size]];
       }
     });
@@ -317,7 +338,7 @@ class PolytopeReader {
       for (int k = 0; k < 3; ++k) found.vertex_rows[3 * static_cast<Index>(renamed[v]) + k] = corners_[v][k];
     }
     forget(renamed);
-    forget(corners_);
+    hull_.triangles.reset();
     find_vertices(found);
   }
 
@@ -337,7 +358,7 @@ class PolytopeReader {
       CommonPoints points(source_, duals_.rows);
       for (Place v = first; v < last; ++v) {
         own.poll(4);
-        Index* rows = &found.vertex_rows[3 * static_cast<Index>(v)];
+        Place* rows = &found.vertex_rows[3 * static_cast<Index>(v)];
         double* point = &found.vertices[3 * static_cast<Index>(v)];
         double error = points.find(rows[0], rows[1], rows[2], point);
         if (std::isfinite(error)) {
@@ -356,24 +377,26 @@ class PolytopeReader {
 
   const LocalPlanes& planes_;
   const PlaneSource& source_;
+  int cube_exponent_;
   DualPoints& duals_;
   Triangulation& hull_;
   std::vector<Inserter>& inserters_;
   Stop& stop_;
-  std::vector<Place> number_;     // of a triangle: its vertex
-  std::vector<char> is_shared_;   // of a vertex: whether it is several triangles
-  std::vector<Corners> corners_;  // of a vertex: three places, ascending by row
+  Brief<Place> number_;         // of a triangle: its vertex
+  Brief<char> is_shared_;       // of a vertex: whether it is several triangles
+  Corners* corners_ = nullptr;  // of a vertex: three places, ascending by row
   std::vector<Polygons> parts_;
   Place n_vertices_ = 0;
 };
 
 }  // namespace
 
-HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, Indices rows, int cube_exponent,
-                       int threads, Stop& stop) {
-  threads = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, rows.size() / kLeast)));
+HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, std::vector<Index>&& rows,
+                       int cube_exponent, int threads, Stop& stop) {
+  threads = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, static_cast<Index>(rows.size()) / kLeast)));
   DualPoints duals;
   sort_rows(planes, rows, duals, threads, stop);
+  forget(rows);
   if (!find_points(planes, source, cube_exponent, duals, threads, stop)) {
     HullPolytope nothing;
     nothing.is_inside = false;
@@ -384,7 +407,7 @@ HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, Ind
   inserters.reserve(threads);
   for (int i = 0; i < threads; ++i) inserters.emplace_back(duals, source, cube_exponent, hull);
   insert_all(duals, inserters, stop);
-  return PolytopeReader(planes, source, duals, hull, inserters, stop).read();
+  return PolytopeReader(planes, source, cube_exponent, duals, hull, inserters, stop).read();
 }
 
 }  // namespace voxkernel

@@ -20,7 +20,7 @@ struct Left {
 
 // One round of a stretch of points: the farthest one of every cell that is not in yet; all of them where `shift` is
 // negative. Points that are left to others are listed.
-void insert_round(const DualPoints& duals, std::int32_t first, std::int32_t last, int shift, std::vector<char>& is_in,
+void insert_round(const DualPoints& duals, std::int32_t first, std::int32_t last, int shift, Brief<char>& is_in,
                   Inserter& inserter, std::vector<Left>& left, Stop& stop) {
   const auto insert = [&](std::int32_t i) {
     if (is_in[i] != 0) return;
@@ -51,7 +51,7 @@ void insert_round(const DualPoints& duals, std::int32_t first, std::int32_t last
 }  // namespace
 
 Triangulation::Triangulation(const DualPoints& duals, int n_inserters)
-    : triangles(new DualTriangle[static_cast<std::size_t>(2) * duals.size() + 8 + kChunk * (n_inserters + 1)]),
+    : triangles(static_cast<std::size_t>(2) * duals.size() + 8 + kChunk * (n_inserters + 1)),
       size(8),
       slots(duals.size() + 6, -1),
       first_same(duals.size()) {
@@ -262,7 +262,7 @@ void insert_all(DualPoints& duals, std::vector<Inserter>& inserters, Stop& stop)
     return;
   }
   const int n_parts = std::max(1, std::min(static_cast<int>(inserters.size()), n / kFewest));
-  std::vector<char> is_in(n, 0);
+  Brief<char> is_in(n, 0);
   std::vector<std::vector<Left>> left(n_parts);
   for (int shift = kFirstShift; shift >= -kStep; shift -= kStep) {
     const int parts = shift > kAloneShift ? 1 : n_parts;
@@ -284,7 +284,7 @@ void insert_all(DualPoints& duals, std::vector<Inserter>& inserters, Stop& stop)
       points.clear();
     }
   }
-  std::vector<std::uint32_t>().swap(duals.keys);
+  Brief<std::uint32_t>().swap(duals.keys);
 }
 
 }  // namespace voxkernel

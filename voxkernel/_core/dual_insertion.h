@@ -7,10 +7,10 @@
 
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "dual_points.h"
+#include "pages.h"
 #include "stop.h"
 
 namespace voxkernel {
@@ -29,10 +29,10 @@ struct Triangulation {
   Triangulation(const DualPoints& duals, int n_inserters);
 
   static constexpr std::int32_t kChunk = 64;  // an inserter takes so many places at a time
-  std::unique_ptr<DualTriangle[]> triangles;  // no memory before it is used
+  BriefArray<DualTriangle> triangles;
   std::atomic<std::int32_t> size;
-  std::vector<std::int32_t> slots;       // of a point: on the horizon, the triangle that begins there
-  std::vector<std::int32_t> first_same;  // of a point: where the first of the rows is that are the same half-space
+  Brief<std::int32_t> slots;       // of a point: on the horizon, the triangle that begins there
+  Brief<std::int32_t> first_same;  // of a point: where the first of the rows is that are the same half-space
 };
 
 // Inserts points in a stretch of places that is its own. It changes only triangles all of whose corners are, and reads

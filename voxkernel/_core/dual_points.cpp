@@ -54,10 +54,10 @@ std::uint32_t key_of(const double* n) {
 }
 
 // By keys, the lower half of their bits first; rows of one key stay in order.
-void sort_keys(std::vector<Keyed>& order, Stop& stop) {
+void sort_keys(Brief<Keyed>& order, Stop& stop) {
   constexpr int kBits = (kKeyBits + 1) / 2;
   constexpr std::uint32_t kMask = (1u << kBits) - 1;
-  std::vector<Keyed> other(order.size());
+  Brief<Keyed> other(order.size());
   std::vector<std::size_t> begin(kMask + 2);
   for (const int shift : {0, kBits}) {
     std::fill(begin.begin(), begin.end(), 0);
@@ -81,7 +81,7 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
     std::transform(rows.begin(), rows.end(), found.rows.begin(), [](Index i) { return static_cast<std::int32_t>(i); });
     return;
   }
-  std::vector<Keyed> order(n);
+  Brief<Keyed> order(n);
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
     for (Index i = first; i < last; ++i) {
       own.poll(4);
@@ -96,37 +96,46 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
   }
 }
 
+PointMaker::PointMaker(const LocalPlanes& planes, const PlaneSource& source, const DualPoints& duals, int cube_exponent)
+    : planes_(planes), duals_(duals), exact_(source, duals.rows, cube_exponent) {
+  const double* center = planes.center;
+  reach_ = std::sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) + 1.0;
+}
+
 // |n / s - n* / s*| <= |n / s| (e + 3 u + ds / (s - ds)) with |n - n*| <= e and |s - s*| <= ds, |n| about 1.
+bool PointMaker::make(std::int32_t place, DualPoint& point) {
+  const Index row = duals_.rows[place];
+  const double* m = planes_.normals[row];
+  const double* center = planes_.center;
+  const double slack = planes_.offsets[row] - (m[0] * center[0] + m[1] * center[1] + m[2] * center[2]);
+  const double e = planes_.errors[row];
+  const double slack_error = (e + 8.0 * kUnit) * reach_ + planes_.center_error;
+  double share = std::numeric_limits<double>::infinity();
+  if (slack > 2.0 * slack_error) share = 1.01 * (e + slack_error / (slack - slack_error)) + 4.0 * kUnit;
+  if (share <= kGoodDual) {
+    for (int k = 0; k < 3; ++k) point.q[k] = m[k] / slack;
+  } else {
+    if (exact_.slack_sign(place) <= 0) return false;
+    exact_.dual(place, planes_.scale, point.q);
+    share = kExactDual;
+  }
+  point.error = 1.01 * share * size_of(point.q);
+  return true;
+}
+
 bool find_points(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& found,
                  int threads, Stop& stop) {
   const Index n = found.size();
   found.points.resize(n + 6);
-  const double* center = planes.center;
-  const double reach = std::sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) + 1.0;
   std::atomic<bool> is_inside{true};
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
-    ExactPlanes exact(source, found.rows, cube_exponent);
+    PointMaker maker(planes, source, found, cube_exponent);
     for (Index i = first; i < last; ++i) {
       own.poll(4);
-      const Index row = found.rows[i];
-      const double* m = planes.normals[row];
-      const double slack = planes.offsets[row] - (m[0] * center[0] + m[1] * center[1] + m[2] * center[2]);
-      const double e = planes.errors[row];
-      const double slack_error = (e + 8.0 * kUnit) * reach + planes.center_error;
-      DualPoint& point = found.points[i];
-      double share = std::numeric_limits<double>::infinity();
-      if (slack > 2.0 * slack_error) share = 1.01 * (e + slack_error / (slack - slack_error)) + 4.0 * kUnit;
-      if (share <= kGoodDual) {
-        for (int k = 0; k < 3; ++k) point.q[k] = m[k] / slack;
-      } else {
-        if (exact.slack_sign(i) <= 0) {
-          is_inside = false;
-          return;
-        }
-        exact.dual(i, planes.scale, point.q);
-        share = kExactDual;
+      if (!maker.make(static_cast<std::int32_t>(i), found.points[i])) {
+        is_inside = false;
+        return;
       }
-      point.error = 1.01 * share * size_of(point.q);
     }
   });
   // Local units: the cube has half edge 2**cube_exponent in units of the world.
@@ -156,8 +165,7 @@ int DualSigns::beyond(std::int32_t i, std::int32_t j, std::int32_t k, std::int32
   return -exact.planes_sign(i, j, k, l);
 }
 
-int DualSigns::rounded_side(std::int32_t i, std::int32_t j, std::int32_t k) const {
-  const DualPoint &a = points_[i], &b = points_[j], &c = points_[k];
+int rounded_side(const DualPoint& a, const DualPoint& b, const DualPoint& c) {
   const double value = determinant(a.q, b.q, c.q);
   const double lengths[3] = {size_of(a.q), size_of(b.q), size_of(c.q)};
   const double errors[3] = {3.0 * a.error, 3.0 * b.error, 3.0 * c.error};

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "exact_planes.h"
+#include "pages.h"
 #include "spans.h"
 #include "stop.h"
 
@@ -29,9 +30,9 @@ struct DualPoint {
 
 // Points that are near each other have places that are. The last six are the sides of a cube about the centre.
 struct DualPoints {
-  std::vector<std::int32_t> rows;   // of each place
-  std::vector<std::uint32_t> keys;  // ascending, the same for points of one cell of directions; none of few points
-  std::vector<DualPoint> points;
+  Brief<std::int32_t> rows;   // of each place
+  Brief<std::uint32_t> keys;  // ascending, the same for points of one cell of directions; none of few points
+  Brief<DualPoint> points;
 
   std::int32_t size() const { return static_cast<std::int32_t>(rows.size()); }
 };
@@ -40,9 +41,26 @@ constexpr int kKeyBits = 23;          // the side of a cube of directions, and a
 constexpr std::int32_t kSorted = 64;  // so few points stay as they come
 
 void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int threads, Stop& stop);
+// Makes dual points, the same whenever asked. One for each thread.
+class PointMaker {
+ public:
+  PointMaker(const LocalPlanes& planes, const PlaneSource& source, const DualPoints& duals, int cube_exponent);
+  // False where the centre is not strictly inside the half-space of a place.
+  bool make(std::int32_t place, DualPoint& point);
+
+ private:
+  const LocalPlanes& planes_;
+  const DualPoints& duals_;
+  ExactPlanes exact_;
+  double reach_;
+};
+
 // False where the centre is not strictly inside all half-spaces.
 bool find_points(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& found,
                  int threads, Stop& stop);
+
+// The sign of the determinant of three points, 2 where floating point cannot tell.
+int rounded_side(const DualPoint& a, const DualPoint& b, const DualPoint& c);
 
 // Signs of determinants of dual points: in floating point where a bound on the error allows, else in integers made
 // from the input. One for each thread.
@@ -54,7 +72,9 @@ class DualSigns {
   // 1 if point l is beyond the plane of i, j, k, seen from the centre; 0 on it.
   int beyond(std::int32_t i, std::int32_t j, std::int32_t k, std::int32_t l);
   // The sign of the determinant of three points, 2 where floating point cannot tell.
-  int rounded_side(std::int32_t i, std::int32_t j, std::int32_t k) const;
+  int rounded_side(std::int32_t i, std::int32_t j, std::int32_t k) const {
+    return voxkernel::rounded_side(points_[i], points_[j], points_[k]);
+  }
   int side(std::int32_t i, std::int32_t j, std::int32_t k);
 
   ExactPlanes exact;

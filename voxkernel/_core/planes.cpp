@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "avx2.h"
+#include "pages.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -184,13 +185,16 @@ Index facet_planes(Points vertices, Triangles corners, const double* origin, dou
   return undecided;
 }
 
-// The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
-Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
-  std::vector<char> is_used(vertices.size(), 0);
+namespace {
+
+void mark_used(Triangles faces, std::vector<char>& is_used, Stop& stop) {
   for (Index i = 0; i < faces.size(); ++i) {
     stop.poll();
     for (int k = 0; k < 3; ++k) is_used[faces(i, k)] = 1;
   }
+}
+
+Box range_of(Points vertices, const std::vector<char>& is_used, Stop& stop) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   Box box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}, infinity};
   for (Index i = 0; i < vertices.size(); ++i) {
@@ -207,8 +211,7 @@ Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
   return box;
 }
 
-PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
-  const Box box = coordinate_range(vertices, faces, stop);
+PlaneFrame frame_of(const Box& box) {
   PlaneFrame frame{};
   frame.smallest = box.smallest;
   double square = 0.0;
@@ -225,6 +228,50 @@ PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
   const double mantissa = std::frexp(std::sqrt(square) * (1.0 + 1e-12), &exponent);
   frame.scale = mantissa == 0.0 ? 1.0 : std::ldexp(1.0, mantissa == 0.5 ? exponent - 1 : exponent);
   return frame;
+}
+
+}  // namespace
+
+// The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
+Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
+  std::vector<char> is_used(vertices.size(), 0);
+  mark_used(faces, is_used, stop);
+  return range_of(vertices, is_used, stop);
+}
+
+PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
+  return frame_of(coordinate_range(vertices, faces, stop));
+}
+
+MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int threads, Stop& stop) {
+  MeshPlanes found;
+  {
+    std::vector<char> is_used(vertices.size(), 0);
+    mark_used(faces, is_used, stop);
+    if (corners.data() != faces.data()) mark_used(corners, is_used, stop);
+    found.frame = frame_of(range_of(vertices, is_used, stop));
+  }
+  found.bounds_volume = boundary_is_zero(faces, vertices.size(), threads, stop);
+  const Index n = corners.size();
+  found.normals.resize(3 * n);
+  for (std::vector<double>* numbers : {&found.offsets, &found.areas, &found.errors}) numbers->resize(n);
+  const double scale = found.frame.scale;
+  std::atomic<Index> undecided{0}, refused{0};
+  run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    const auto part = [&](std::vector<double>& numbers) { return Span<double>(numbers).part(first, last); };
+    const Span<double> areas = part(found.areas), errors = part(found.errors);
+    undecided += facet_planes(vertices, {corners[first], last - first}, found.frame.origin, 1.0 / scale,
+                              {&found.normals[3 * first], last - first}, part(found.offsets), areas, errors, own);
+    Index without = 0;
+    for (Index i = 0; i < areas.size(); ++i) {
+      areas[i] *= scale * scale;
+      without += Index{errors[i] < 0.0};
+    }
+    refused += without;
+  });
+  found.undecided = undecided;
+  found.refused = refused;
+  return found;
 }
 
 double least_spread(Points normals, Index step, Stop& stop) {
@@ -249,24 +296,26 @@ double least_spread(Points normals, Index step, Stop& stop) {
 // Whether every edge is traversed equally often in both directions: the surface bounds a volume.
 // Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
 bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop) {
-  std::vector<Index> start(n_vertices + 1, 0);
-  const auto each_edge = [&](auto&& visit) {
+  Brief<Index> start(n_vertices + 1, 0);
+  const auto each_edge = [&](Stop& own, auto&& visit) {
     for (Index i = 0; i < faces.size(); ++i) {
-      stop.poll();
+      own.poll();
       for (int k = 0; k < 3; ++k) {
         const Index a = faces(i, k), b = faces(i, k == 2 ? 0 : k + 1);
         if (a != b) visit(a, b);
       }
     }
   };
-  each_edge([&](Index a, Index b) { ++start[std::min(a, b) + 1]; });
+  each_edge(stop, [&](Index a, Index b) { ++start[std::min(a, b) + 1]; });
   for (Index i = 0; i < n_vertices; ++i) start[i + 1] += start[i];
-  std::vector<Index> position(start.begin(), start.end() - 1);
-  std::vector<Index> keys(start[n_vertices]);
-  each_edge([&](Index a, Index b) { keys[position[std::min(a, b)]++] = a < b ? 2 * b : 2 * a + 1; });
-  std::vector<Index>().swap(position);
+  Brief<Index> position(start.begin(), start.end() - 1);
+  Brief<Index> keys(start[n_vertices]);
   std::atomic<bool> is_balanced{true};
   run_stretches(n_vertices, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    each_edge(own, [&](Index a, Index b) {
+      const Index low = std::min(a, b);
+      if (low >= first && low < last) keys[position[low]++] = a < b ? 2 * b : 2 * a + 1;
+    });
     for (Index i = first; i < last && is_balanced.load(std::memory_order_relaxed); ++i) {
       const Index high = start[i + 1];
       own.poll(1 + high - start[i]);

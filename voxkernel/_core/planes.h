@@ -1,6 +1,8 @@
 // Facet planes in local coordinates, each with a bound on its rounding error, and what a mesh must be for them.
 #pragma once
 
+#include <vector>
+
 #include "spans.h"
 #include "stop.h"
 
@@ -20,6 +22,18 @@ struct PlaneFrame {
   double largest;    // magnitude of a coordinate
   double smallest;   // the smallest magnitude but zero
 };
+
+// The planes of a mesh, errors as of `facet_planes`; areas are those of the world.
+struct MeshPlanes {
+  PlaneFrame frame;
+  std::vector<double> normals, offsets, areas, errors;
+  Index undecided = 0;         // left to exact arithmetic
+  Index refused = 0;           // those, and those without area
+  bool bounds_volume = false;  // whether every edge of `faces` is traversed equally often in both directions
+};
+
+// `faces` are the triangles of the surface, `corners` three corners of each of its planes.
+MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int threads, Stop& stop);
 
 Index facet_planes(Points vertices, Triangles corners, const double* origin, double inverse_scale,
                    Rows<double, 3> normals, Span<double> offsets, Span<double> areas, Span<double> errors, Stop& stop);

@@ -5,7 +5,7 @@
 namespace voxkernel {
 
 // Volume, first and second moments about the origin, area, of polygons seen from the origin inside.
-Moments moments(Points vertices, Indices start, Indices ring, Stop& stop) {
+Moments moments(Points vertices, Indices start, SmallIndices ring, Stop& stop) {
   Moments sum;
   for (Index f = 0; f + 1 < start.size(); ++f) {
     const Index low = start[f];
@@ -36,7 +36,7 @@ Moments moments(Points vertices, Indices start, Indices ring, Stop& stop) {
 }
 
 // Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983).
-double solid_angle(Points vertices, Indices ring, Stop& stop) {
+double solid_angle(Points vertices, SmallIndices ring, Stop& stop) {
   double total = 0.0;
   for (Index f = 0; f < ring.size() / 3; ++f) {
     stop.poll(4);

@@ -12,7 +12,7 @@ struct Moments {
   double second[3][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   double area = 0.0;
 };
-Moments moments(Points vertices, Indices start, Indices ring, Stop& stop);
-double solid_angle(Points vertices, Indices ring, Stop& stop);
+Moments moments(Points vertices, Indices start, SmallIndices ring, Stop& stop);
+double solid_angle(Points vertices, SmallIndices ring, Stop& stop);
 
 }  // namespace voxkernel

@@ -118,7 +118,11 @@ std::vector<Index> planes_reaching(Points normals, Doubles offsets, Doubles erro
   const double size = std::sqrt(dot(center, center)) + 2.0 * std::sqrt(extent) + 1.0;
   const Index n = normals.size();
   const int n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
+  // Room for all, of which only what is used takes memory: none is moved, nor kept by a thread that has ended.
   std::vector<std::vector<Index>> found(n_parts);
+  for (int part = 0; part < n_parts; ++part) {
+    found[part].reserve(part == 0 ? n : part_begin(n, n_parts, part + 1) - part_begin(n, n_parts, part));
+  }
   run_parts(n_parts, stop, [&](int part, Stop& own) {
     const Index last = part_begin(n, n_parts, part + 1);
     for (Index i = part_begin(n, n_parts, part); i < last; ++i) {

@@ -18,7 +18,7 @@ constexpr Index kSome = 1024;  // of more at first so many, and so many more eac
 // The deepest point between planes, relative to the size, so that a small kernel is solved as well as a large one; of
 // many planes on a working set, to which the worst of every stretch is added until none is violated.
 template <typename Slack>
-void find_deepest(Points normals, Indices rows, Slack&& slack, SolidMeasures& found, Stop& stop) {
+void find_deepest(Points normals, SmallIndices rows, Slack&& slack, SolidMeasures& found, Stop& stop) {
   const Index n = rows.size(), stretch = n <= kAll ? 1 : (n + kSome - 1) / kSome;
   HalfSpaceColumns planes(0);
   const auto add = [&](const std::vector<Index>& faces) {
@@ -60,7 +60,7 @@ void find_deepest(Points normals, Indices rows, Slack&& slack, SolidMeasures& fo
 }  // namespace
 
 SolidMeasures solid_measures(Points normals, Doubles offsets, const double* center, Points vertices, Indices start,
-                             Indices ring, Indices rows, Stop& stop) {
+                             SmallIndices ring, SmallIndices rows, Stop& stop) {
   SolidMeasures found;
   double square = 0.0;
   for (Index v = 0; v < vertices.size(); ++v) {

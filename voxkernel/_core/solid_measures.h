@@ -18,6 +18,6 @@ struct SolidMeasures {
 
 // `vertices` are from `center`; polygon f, on the plane of half-space rows[f], is ring[start[f]:start[f + 1]].
 SolidMeasures solid_measures(Points normals, Doubles offsets, const double* center, Points vertices, Indices start,
-                             Indices ring, Indices rows, Stop& stop);
+                             SmallIndices ring, SmallIndices rows, Stop& stop);
 
 }  // namespace voxkernel

@@ -25,10 +25,10 @@ class Span {
   Span() = default;
   Span(T* data, Index size) : data_(data), size_(size) {}
   // A vector is a span of its elements, also one of constants.
-  template <typename U>
-  Span(std::vector<U>& values) : data_(values.data()), size_(static_cast<Index>(values.size())) {}
-  template <typename U>
-  Span(const std::vector<U>& values) : data_(values.data()), size_(static_cast<Index>(values.size())) {}
+  template <typename U, typename A>
+  Span(std::vector<U, A>& values) : data_(values.data()), size_(static_cast<Index>(values.size())) {}
+  template <typename U, typename A>
+  Span(const std::vector<U, A>& values) : data_(values.data()), size_(static_cast<Index>(values.size())) {}
   operator Span<const T>() const { return {data_, size_}; }
 
   T& operator[](Index i) const {
@@ -76,6 +76,7 @@ class Rows {
 
 using Doubles = Span<const double>;
 using Indices = Span<const Index>;
+using SmallIndices = Span<const std::int32_t>;  // of what is less than 2**31
 using Points = Rows<const double, 3>;
 using Triangles = Rows<const Index, 3>;
 

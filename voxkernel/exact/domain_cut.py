@@ -43,7 +43,7 @@ def is_cut(
     unclipped: Feasibility,
     inside: Feasibility,
     vertices: NDArray[np.float64],
-    rows: NDArray[np.int64],
+    rows: NDArray[np.signedinteger],
 ) -> bool:
     """Whether a part of the kernel, with these corners, lies beyond one of the planes of the domain.
 

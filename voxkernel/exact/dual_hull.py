@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import dual_hull, solid_angle
+from voxkernel._core import dual_hull, solid_angle, triangles_at_vertices
 from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.exact.inner_point import InnerPoint
@@ -23,6 +23,7 @@ __all__ = [
 ]
 
 _CULL_ABOVE = 3000
+_MOST = 1 << 31  # numbers of vertices and of rows have 32 bits
 # Half edges of the cube that closes what is open, as powers of two of the local unit. The last one is beyond every
 # corner of planes whose coordinates have 2000 bits.
 _CUBES = (3, 28, 300, 20_000)
@@ -37,11 +38,11 @@ class Polyhedron(NamedTuple):
 
     center: NDArray[np.float64]
     vertices: NDArray[np.float64]
-    vertex_rows: NDArray[np.int64]
+    vertex_rows: NDArray[np.int32]
     error: float
     start: NDArray[np.int64]
-    ring: NDArray[np.int64]
-    rows: NDArray[np.int64]
+    ring: NDArray[np.int32]
+    rows: NDArray[np.int32]
 
     @property
     def extent(self) -> float:
@@ -86,28 +87,20 @@ def convex_surface(planes: HalfSpaces, point: InnerPoint, *, threads: int = 1) -
     every facet bounds the kernel and every corner is one of its vertices, without any arithmetic.
     """
     faces = planes.corner_ids()
-    if not (planes.is_triangulation and planes.bounds_volume):
+    if not (planes.is_triangulation and planes.bounds_volume and max(len(faces), len(planes.vertices)) < _MOST):
         return None
     if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces, least=2, threads=threads) < 2:
         return None
     used = np.zeros(len(planes.vertices), np.bool_)
     used[faces.ravel()] = True
-    number = np.cumsum(used) - 1
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
     vertices = planes.to_local(planes.vertices[used]) - point.local
     start, ring = np.arange(0, 3 * len(faces) + 1, 3), number[faces.ravel()]
     if abs(solid_angle(vertices, ring) / (4 * np.pi) - 1.0) > 0.25:
         return None
-    return Polyhedron(
-        point.local, vertices, _three_faces(ring, len(vertices)), 2.0**-49, start, ring, np.arange(len(faces))
-    )
-
-
-def _three_faces(ring: NDArray[np.int64], n_vertices: int) -> NDArray[np.int64]:
-    """The first, a middle and the last triangle at every vertex: of a strictly convex surface, no two in one plane."""
-    order = np.argsort(ring, kind="stable")
-    counts = np.bincount(ring, minlength=n_vertices)
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    return np.stack([order[first], order[first + counts // 2], order[first + counts - 1]], axis=1) // 3
+    at_vertices = triangles_at_vertices(ring, len(vertices))
+    rows = np.arange(len(faces), dtype=np.int32)
+    return Polyhedron(point.local, vertices, at_vertices, 2.0**-49, start, ring, rows)
 
 
 def relevant_rows(
@@ -122,7 +115,7 @@ def relevant_rows(
     if n <= _CULL_ABOVE:
         return np.arange(n)
     tight = np.unique(np.concatenate([tightest_planes(planes, point.local, threads=threads), working_set]))
-    outer = polyhedron_around(planes, point, tight)
+    outer = polyhedron_around(planes, point, tight, threads=threads)
     if outer is None:
         return np.arange(n)
     is_near = np.zeros(n, np.bool_)

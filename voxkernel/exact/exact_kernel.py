@@ -100,12 +100,15 @@ def exact_kernel(
     if scheduler is not None:
         raise ValueError(f"`scheduler` must be None unless the surface is one of `stream_mesh`; got {scheduler!r}")
     found = surface_argument(surface, facets, threads=n_threads)
-    return kernel_of_halfspaces(found.halfspaces, found.domain(domain, EXACT), threads=n_threads)
+    return _kernel_in(found.halfspaces, found.domain(domain, EXACT), n_threads)
 
 
 def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threads: int = 1) -> KernelPolytope:
     """Compute the kernel of half-spaces inside a domain (None: everywhere)."""
-    threads = as_depth("threads", threads, 1, 256)
+    return _kernel_in(halfspaces, domain, as_depth("threads", threads, 1, 256))
+
+
+def _kernel_in(halfspaces: HalfSpaces, domain: Domain | None, threads: int) -> KernelPolytope:
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
     inside = find_feasibility(planes)
     unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +40,8 @@ class KernelPolytope(Frozen):
         Corners, world coordinates, rounded; (0, 3) when empty.
     face_starts, face_vertices : (f + 1,) and (j,) int64
         Polygon i is `face_vertices[face_starts[i]:face_starts[i + 1]]`, vertex ids counter-clockwise
-        seen from outside. A flat kernel has one polygon; a segment and a point have none.
+        seen from outside. A flat kernel has one polygon; a segment and a point have none. `face_vertices` is made from
+        ids of 32 bits when first asked for, and kept; so is `vertex_rows`.
     face_facets : (f,) int64
         The input facet that made each face; -1 - j for plane j of the domain.
     vertex_rows : (k, 3) int64
@@ -74,9 +75,7 @@ class KernelPolytope(Frozen):
     dimension: int
     vertices: NDArray[np.float64]
     face_starts: NDArray[np.int64]
-    face_vertices: NDArray[np.int64]
     face_facets: NDArray[np.int64]
-    vertex_rows: NDArray[np.int64]
     volume: float
     area: float
     centroid: NDArray[np.float64]
@@ -89,8 +88,12 @@ class KernelPolytope(Frozen):
     unclipped_dimension: int
     max_residual: float
     volume_bounds: tuple[float, float]
+    _face_vertices: NDArray[np.int32]
+    _vertex_rows: NDArray[np.signedinteger]
     _proof: Proof
     _unclipped_proof: Proof
+    _wide_face_vertices: NDArray[np.int64] | None = field(init=False, default=None)
+    _wide_vertex_rows: NDArray[np.int64] | None = field(init=False, default=None)
 
     def __repr__(self) -> str:
         """Name dimension, size and volume."""
@@ -107,6 +110,20 @@ class KernelPolytope(Frozen):
             return ""
         fans = [np.column_stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]]) for f in self.faces]
         return thumbnail(self.vertices, np.concatenate(fans), ORANGE)
+
+    @property
+    def face_vertices(self) -> NDArray[np.int64]:
+        """(j,) int64: vertex ids of the polygons, one behind the other; made at first use and kept."""
+        if self._wide_face_vertices is None:
+            object.__setattr__(self, "_wide_face_vertices", _wide(self._face_vertices))
+        return cast("NDArray[np.int64]", self._wide_face_vertices)
+
+    @property
+    def vertex_rows(self) -> NDArray[np.int64]:
+        """(k, 3) int64: rows of three half-spaces that meet in each vertex; made at first use and kept."""
+        if self._wide_vertex_rows is None:
+            object.__setattr__(self, "_wide_vertex_rows", _wide(self._vertex_rows))
+        return cast("NDArray[np.int64]", self._wide_vertex_rows)
 
     @property
     def certificate(self) -> Certificate:
@@ -186,7 +203,7 @@ class KernelPolytope(Frozen):
         (Fraction(3, 1), Fraction(0, 1), Fraction(0, 1))
         """
         planes = self._proof.planes
-        found = self._proof.corners if self.dimension < 3 else meeting_points(planes, self.vertex_rows)
+        found = self._proof.corners if self.dimension < 3 else meeting_points(planes, self._vertex_rows)
         return [planes.lattice_to_world(p) for p in found]
 
     def to_points(self) -> NDArray[np.float64]:
@@ -260,6 +277,11 @@ class KernelPolytope(Frozen):
             "unclipped_point": None if (point := self.unclipped_point) is None else _plain(point),
             "max_residual": self.max_residual,
         }
+
+
+def _wide(ids: NDArray[np.signedinteger]) -> NDArray[np.int64]:
+    """Ids as users reckon with them, so that no product of two overflows."""
+    return read_only(ids.astype(np.int64))
 
 
 def _plain(point: NDArray[np.float64]) -> list[float] | None:

@@ -50,9 +50,9 @@ class Shape(NamedTuple):
 
     vertices: NDArray[np.float64]
     face_starts: NDArray[np.int64]
-    face_vertices: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    vertex_rows: NDArray[np.int64]
+    face_vertices: NDArray[np.int32]
+    rows: NDArray[np.signedinteger]
+    vertex_rows: NDArray[np.signedinteger]
     volume: float
     volume_bounds: tuple[float, float]
     area: float
@@ -211,9 +211,9 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
     return Shape(
         vertices=planes.to_world(vertices),
         face_starts=np.array([0, len(ring)] if ring else [0], np.int64),
-        face_vertices=np.array(ring, np.int64),
-        rows=np.array(rows, np.int64),
-        vertex_rows=np.empty((0, 3), np.int64),
+        face_vertices=np.array(ring, np.int32),
+        rows=np.array(rows, np.int32),
+        vertex_rows=np.empty((0, 3), np.int32),
         volume=0.0,
         volume_bounds=(0.0, 0.0),
         area=float(area / unit**2) * scale**2,

@@ -14,7 +14,7 @@ __all__ = ["RationalPoint", "meeting_points"]
 RationalPoint = tuple[Fraction, Fraction, Fraction]
 
 
-def meeting_points(planes: HalfSpaces, rows: NDArray[np.int64]) -> list[RationalPoint]:
+def meeting_points(planes: HalfSpaces, rows: NDArray[np.signedinteger]) -> list[RationalPoint]:
     """Give the common point of three planes each, (k, 3) rows, in lattice coordinates, by Cramer's rule."""
     used = np.unique(rows)
     exact = dict(zip(used.tolist(), planes.integer_planes(used), strict=True))

@@ -13,15 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_depth, as_points, read_only
 from voxkernel._core import (
-    StopFlag,
-    boundary_is_zero,
     coplanar_groups,
     facet_planes,
     first_of_planes,
-    plane_frame,
+    mesh_planes,
 )
 from voxkernel._frozen import Frozen
-from voxkernel._threads import run_parts, stretches
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.integer_planes import (
     IntegerPlane,
@@ -131,31 +128,26 @@ class HalfSpaces(Frozen):
     def _from_spans(cls, mesh: TriangleMesh, thinnest: float, threads: int = 1) -> HalfSpaces:
         """The same with another bound on spans; 0 is none, for callers that check what becomes of it."""
         vertices, corners = mesh.vertices, mesh.plane_corners
-        faces = mesh.faces if corners is mesh.faces else np.concatenate([mesh.faces, corners])
-        origin, scale, spans, largest, smallest = plane_frame(vertices, faces)
+        (
+            origin, scale, spans, largest, smallest, normals, offsets, areas, errors, undecided, refused, bounds_volume
+        ) = mesh_planes(vertices, mesh.faces, corners, threads)  # fmt: skip
         check_frame(spans, largest, thinnest)
         bits = bits_of(smallest)
         n = len(corners)
-        normals, offsets = np.empty((n, 3)), np.empty(n)
-        areas, errors = np.empty(n), np.empty(n)
-
-        def fill(rows: slice, _: StopFlag) -> int:
-            arrays = normals[rows], offsets[rows], areas[rows], errors[rows]
-            return facet_planes(vertices, corners[rows], origin, 1.0 / scale, *arrays)
-
-        undecided = sum(run_parts(fill, stretches(n, threads), threads))
-        bounds_volume = boundary_is_zero(mesh.faces, len(vertices), threads)
         if undecided:
+            is_open = errors == -1.0
             settle_planes(vertices, corners, LocalFrame(origin, scale, bits), normals, offsets, areas, errors)
-        keep = errors >= 0.0
-        n_kept = int(np.count_nonzero(keep))
+            areas[is_open] *= scale**2
+        keep = errors >= 0.0 if refused else None
+        n_kept = n if keep is None else int(np.count_nonzero(keep))
         if n_kept == 0:
             raise MeshError(f"`mesh` must have a facet with positive area; got {n} facets without area")
-        areas = mesh.plane_areas.copy() if mesh.plane_corners is not mesh.faces else areas * scale**2
+        if mesh.plane_corners is not mesh.faces:
+            areas = mesh.plane_areas.copy()
         facet_ids = mesh.plane_facets
-        if n_kept < n:
+        if keep is not None and n_kept < n:
             normals, offsets, areas, errors = normals[keep], offsets[keep], areas[keep], errors[keep]
-            facet_ids, corners = facet_ids[keep], corners[keep]
+            facet_ids, corners = read_only(facet_ids[keep]), read_only(corners[keep])
         if bounds_volume:
             exact = (triangle_plane(vertices, row, bits)[:3] for row in corners)
             bounds_volume = span_space(normals, exact)
@@ -164,13 +156,13 @@ class HalfSpaces(Frozen):
             local_offsets=read_only(offsets),
             local_errors=read_only(errors),
             weights=read_only(areas),
-            facet_ids=read_only(facet_ids),
-            origin=read_only(origin),
+            facet_ids=facet_ids,
+            origin=origin,
             scale=scale,
             n_degenerate=n - n_kept,
             bounds_volume=bounds_volume,
             _vertices=vertices,
-            _corners=read_only(corners),
+            _corners=corners,
             _explicit=_NO_PLANES,
             _lattice_bits=bits,
             is_triangulation=mesh.plane_corners is mesh.faces and n_kept == n,

@@ -76,11 +76,9 @@ def exact_kernels(surfaces: PackedSurfaces | Iterable[MeshLike], *, threads: int
     """
     n_threads = as_depth("threads", threads, 1, 256)
     packed = surfaces if isinstance(surfaces, PackedSurfaces) else _packed(surfaces)
-    vertices = as_points("surfaces.vertices", packed.vertices, copy=True, error=MeshError)
-    faces = as_integers(
-        "surfaces.faces", packed.faces, shape="(m, 3)", ndim=2, columns=3, copy=True, error=MeshError
-    )
-    starts = as_integers("surfaces.face_starts", packed.face_starts, shape="(n,)", ndim=1, copy=True, error=MeshError)
+    vertices = as_points("surfaces.vertices", packed.vertices, error=MeshError)
+    faces = as_integers("surfaces.faces", packed.faces, shape="(m, 3)", ndim=2, columns=3, error=MeshError)
+    starts = as_integers("surfaces.face_starts", packed.face_starts, shape="(n,)", ndim=1, error=MeshError)
     if len(starts) < 2:
         raise MeshError("`surfaces` must hold at least one surface; got 0")
     if starts[0] != 0 or starts[-1] != len(faces) or (np.diff(starts) < 0).any():
@@ -88,10 +86,10 @@ def exact_kernels(surfaces: PackedSurfaces | Iterable[MeshLike], *, threads: int
     check_index_range("surfaces.faces", faces, len(vertices), error=MeshError)
     m = len(faces)
     mesh = PolyhedralMesh(
-        vertices=read_only(vertices),
+        vertices=vertices,  # the mesh is left behind: views of what was given will do
         face_offsets=read_only(np.arange(0, 3 * m + 1, 3)),
-        face_vertices=read_only(faces.reshape(-1)),
-        cell_offsets=read_only(starts),
+        face_vertices=faces.reshape(-1),
+        cell_offsets=starts,
         cell_faces=read_only(np.arange(m)),
         cell_flips=read_only(np.zeros(m, np.bool_)),
         problems=("",) * (len(starts) - 1),
