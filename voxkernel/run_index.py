@@ -61,6 +61,25 @@ class RunIndex:
         """Read columns of all rows, in the order of the table."""
         return self._sorted(self._whole(list(columns)))
 
+    def words(self, column: str) -> tuple[NDArray[np.int32], Any]:
+        """Read a text column of all rows, in the order of the table, as places in an Arrow array of words.
+
+        Null is "". A text that every row repeats is never in memory for more than a part.
+        """
+        pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+        coded = [
+            run_table.read_part(part, [column]).column(0).fill_null("").combine_chunks().dictionary_encode()
+            for part in self._parts
+        ]
+        words = compute.unique(pa.chunked_array([pa.array([], pa.string()), *(own.dictionary for own in coded)]))
+        codes = [compute.index_in(own.dictionary, value_set=words).take(own.indices).to_numpy() for own in coded]
+        return np.concatenate([np.zeros(0, np.int32), *codes]).astype(np.int32)[self._order], words
+
+    def forget_keys(self) -> None:
+        """Free the memory of the keys, when they have been used."""
+        self.keys = self.keys.slice(0, 0).combine_chunks()
+        optional("pyarrow").default_memory_pool().release_unused()
+
     def rows(self, places: NDArray[np.int64]) -> Any:
         """Read some rows whole; `places` are their places in the table. One part is in memory at a time."""
         pa = optional("pyarrow")

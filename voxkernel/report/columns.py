@@ -29,7 +29,8 @@ class Texts(Sequence[str]):
     def of_column(cls, column: Any) -> Texts:
         """Take an Arrow column."""
         pa = optional("pyarrow")
-        coded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
+        whole = pa.chunked_array(column.chunks, pa.string()).fill_null("").combine_chunks()
+        coded = whole.dictionary_encode()
         return cls(coded.indices.to_numpy().astype(np.int32, copy=False), coded.dictionary)
 
     def __len__(self) -> int:
