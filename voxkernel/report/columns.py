@@ -78,6 +78,10 @@ class Texts(Sequence[str]):
         used = np.unique(self.codes)
         return self.words.take(optional("pyarrow").array(used)).to_pylist()
 
+    def n_used(self) -> int:
+        """How many different words are in use."""
+        return int(np.count_nonzero(np.bincount(self.codes))) if len(self.codes) else 0
+
     def counts(self) -> Counter[str]:
         """Count how often each word is used."""
         used, n = np.unique(self.codes, return_counts=True)
