@@ -48,9 +48,10 @@ class RunIndex:
         return len(self._order)
 
     def close(self) -> None:
-        """Let go of the parts."""
+        """Let go of the parts and of the keys."""
         for part in self._parts:
             part.close()
+        self.forget_keys()
 
     def part_sizes(self) -> list[tuple[int, int]]:
         """Rows of each part, and how many of them count."""
@@ -61,6 +62,25 @@ class RunIndex:
         """Read columns of all rows, in the order of the table."""
         return self._sorted(self._whole(list(columns)))
 
+    def words(self, column: str) -> tuple[NDArray[np.int32], Any]:
+        """Read a text column of all rows, in the order of the table, as places in an Arrow array of words.
+
+        Null is "". A text that every row repeats is never in memory for more than a part.
+        """
+        pa = optional("pyarrow")
+        coded = [pa.array([], pa.string()).dictionary_encode()]
+        for part in self._parts:
+            texts = run_table.read_part(part, [column]).column(0).fill_null("")
+            coded += [chunk.dictionary_encode() for chunk in texts.chunks]
+        unified = pa.chunked_array(coded).unify_dictionaries().chunks
+        codes = np.concatenate([chunk.indices.to_numpy() for chunk in unified]).astype(np.int32, copy=False)
+        return codes[self._order], unified[0].dictionary
+
+    def forget_keys(self) -> None:
+        """Free the memory of the keys, when they have been used."""
+        self.keys = self.keys.slice(0, 0).combine_chunks()
+        optional("pyarrow").default_memory_pool().release_unused()
+
     def rows(self, places: NDArray[np.int64]) -> Any:
         """Read some rows whole; `places` are their places in the table. One part is in memory at a time."""
         pa = optional("pyarrow")
@@ -70,10 +90,10 @@ class RunIndex:
         for k, (begin, end) in enumerate(zip(self._starts[:-1], self._starts[1:], strict=True)):
             low, high = np.searchsorted(wanted[by_place], [begin, end])
             if high > low:
-                pieces.append(run_table.read_part(self._parts[k]).take(pa.array(wanted[by_place][low:high] - begin)))
+                pieces.append(_taken(run_table.read_part(self._parts[k]), wanted[by_place][low:high] - begin))
         back = np.empty(len(places), np.int64)
         back[by_place] = np.arange(len(places))
-        return pa.concat_tables(pieces).take(pa.array(back))
+        return _taken(pa.concat_tables(pieces), back)
 
     def places_of(self, parts: Sequence[int]) -> NDArray[np.int64]:
         """Places in the table of the rows of some parts."""
@@ -90,9 +110,14 @@ class RunIndex:
         return pa.concat_tables([wanted.empty_table(), *(run_table.read_part(p, columns) for p in self._parts)])
 
     def _sorted(self, whole: Any) -> Any:
-        if len(self._order) == whole.num_rows and bool((np.diff(self._order) == 1).all()):
-            return whole
-        return whole.take(optional("pyarrow").array(self._order))
+        return _taken(whole, self._order)
+
+
+def _taken(table: Any, ids: NDArray[np.int64]) -> Any:
+    """Take rows of a table; all of them in their order are no copy."""
+    if len(ids) == table.num_rows and bool((ids == np.arange(len(ids))).all()):
+        return table
+    return table.take(optional("pyarrow").array(ids))
 
 
 def open_index(fs: Any, run_path: str, columns: Sequence[str] = ()) -> RunIndex:

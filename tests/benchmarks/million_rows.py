@@ -119,6 +119,7 @@ def main():
         for name, labels in (("run", [None, None]), ("labelled", ["star", "not"])):
             make_run(folder, args.rows, name, labels)
     found = {"rows": args.rows, "resume": measured(RESUME, folder, args.rows)}
+    print(json.dumps(found), flush=True)
     found["report"] = measured(REPORT, folder, args.rows)
     found["page_megabytes"] = (folder / "report.html").stat().st_size / 1e6
     found["beside_megabytes"] = (folder / "report.rows.parquet").stat().st_size / 1e6

@@ -2,6 +2,7 @@
 
 import asyncio
 import inspect
+import multiprocessing.util
 import os
 import signal
 import sys
@@ -9,6 +10,8 @@ import time
 import urllib.error
 import urllib.request
 
+import distributed
+import psutil
 import pytest
 
 from voxkernel.evaluation import EvaluateSettings
@@ -96,3 +99,28 @@ def test_what_is_private_in_dask_is_still_there():
     assert "self._on_worker_exit_sync" in inspect.getsource(Nanny)
     assert "self._last_terminated_pid = " in inspect.getsource(NannyMemoryManager)
     assert isinstance(inspect.getattr_static(Nanny, "pid"), property)
+    assert isinstance(distributed.utils._forkserver_preload_set, bool)
+    assert "_config.get('tempdir')" in inspect.getsource(multiprocessing.util.get_temp_dir)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="worker processes are forks on Linux only")
+def test_workers_are_forks_of_a_process_with_one_thread(cluster):
+    """Forks of more threads than one may hang. It is this process's child, and ends with it."""
+    server = psutil.Process(psutil.Process(next(iter(cluster.client.run(os.getpid).values()))).ppid())
+    assert server.ppid() == os.getpid()
+    assert server.num_threads() == 1
+    assert any("forkserver" in word for word in server.cmdline())
+    with connected(EvaluateSettings(workers=1), 1) as other:
+        again = psutil.Process(next(iter(other.client.run(os.getpid).values()))).ppid()
+    assert again == server.pid
+
+
+def test_workers_have_the_environment_of_their_run(cluster, monkeypatch):
+    """What was set after the first workers started too; and one thread of each library."""
+    monkeypatch.setenv("VOXKERNEL_TEST", "later")
+    before = dict(os.environ)
+    with connected(EvaluateSettings(workers=1), 1) as other:
+        seen = next(iter(other.client.run(lambda: dict(os.environ)).values()))
+    assert seen["VOXKERNEL_TEST"] == "later"
+    assert seen["OMP_NUM_THREADS"] == seen["OPENBLAS_NUM_THREADS"] == "1"
+    assert before["VOXKERNEL_TEST"] == os.environ["VOXKERNEL_TEST"]

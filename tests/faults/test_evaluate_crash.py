@@ -28,6 +28,7 @@ from faulty_runs import (
 
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.evaluation.evaluate import run_evaluation
+from voxkernel.evaluation.fork_server import start_method
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
@@ -80,12 +81,14 @@ def test_progress_counts_what_is_on_disk(tmp_path):
 
 
 def test_real_scheduler(tmp_path):
+    from dask import config
     from distributed import LocalCluster
 
     folder = files(tmp_path / "in", 20, "segfault", "hang")
     nothing = {"dashboard_address": None, "silence_logs": 60, "local_directory": str(tmp_path)}
     nothing["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **nothing) as cluster:
+    forked = config.set({"distributed.worker.multiprocessing-method": start_method({}, for_analysis=False)})
+    with forked, LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **nothing) as cluster:
         options = {"scheduler": cluster.scheduler_address, "timeout": 2.0}
         result = evaluated(folder, tmp_path / "run", **options)
         assert failures(result).keys() == {"segfault", "hang"}
@@ -144,7 +147,7 @@ def test_client_killed_at_random_times(tmp_path):
     script.write_text(SCRIPT)
     dice = random.Random(int(os.environ.get("VOXKERNEL_SEED", "0")))
     kept, children = {}, []
-    for _ in range(3):
+    for _ in range(2):
         process = client(script, folder, run)
         wait_for_rows(run, min(len(kept) + 1, 81), process)
         time.sleep(dice.uniform(0.0, 0.6))

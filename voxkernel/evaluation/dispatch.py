@@ -71,7 +71,9 @@ class Dispatcher:
                 continue
             job = self._running.pop(address, None)
             if job is not None:
-                yield from self._finished(job)
+                outcomes = list(self._finished(job))
+                yield from self._send()  # before the outcomes are written, which takes a while
+                yield from outcomes
 
     def stop(self) -> None:
         """Cancel what runs."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Resumed:
+class Resumed(NamedTuple):
     """Meshes to compute, how many need not be and how many of these failed, and rows whose label is another now."""
 
     fresh: list[Item]
@@ -47,11 +45,10 @@ def resumed(items: Sequence[Item], index: RunIndex, settings: EvaluateSettings) 
         wanted &= known.is_whole[first]
         views = np.fromiter((item.view for item in items), bool, len(items))
         wanted &= ~views | known.needs_no_view[first]
-    candidates = np.flatnonzero(wanted).tolist()
-    stored = index.keys["content_hash"].take(optional("pyarrow").array(first[candidates]))
-    is_same = np.fromiter(_same([items[i] for i in candidates], stored), bool, len(candidates))
+    candidates = np.flatnonzero(wanted)
+    is_same = np.fromiter(_same(items, candidates, first, index.keys["content_hash"]), bool, len(candidates))
     reused = np.zeros(len(items), bool)
-    reused[np.array(candidates, np.int64)[is_same]] = True
+    reused[candidates[is_same]] = True
     places, labels = known.relabelled(items, np.flatnonzero(reused), first)
     n_failed = int(known.failed[first[reused]].sum()) if len(index) else 0
     fresh = [item for item, is_there in zip(items, reused.tolist(), strict=True) if not is_there]
@@ -65,9 +62,13 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
     return int(compute.sum(compute.is_in(index.keys["file"], value_set=names)).as_py() or 0)
 
 
-def _same(items: Sequence[Item], stored: Any) -> Iterator[bool]:
-    """Say of each mesh whether its content is the stored one; some threads read files at the same time."""
-    batches = ((items[k : k + _AT_ONCE], stored[k : k + _AT_ONCE]) for k in range(0, len(items), _AT_ONCE))
+def _same(
+    items: Sequence[Item], candidates: NDArray[np.int64], first: NDArray[np.int64], stored: Any
+) -> Iterator[bool]:
+    """Say of each candidate whether its content is the stored one; some threads read files at the same time."""
+    take = optional("pyarrow").array
+    some_of = (candidates[k : k + _AT_ONCE] for k in range(0, len(candidates), _AT_ONCE))
+    batches = (([items[i] for i in ids.tolist()], stored.take(take(first[ids]))) for ids in some_of)
     with ThreadPoolExecutor(8) as readers:  # SHA-256 and reading do not hold the interpreter
         while some := list(islice(batches, _WAITING)):
             for same in readers.map(_same_of_some, some):
@@ -91,7 +92,7 @@ class _Known:
         self._first = np.flatnonzero(is_first)
         self._n_rows = np.zeros(n, np.int64)
         self._n_rows[self._first] = np.diff(np.append(self._first, n))
-        self._files = files.take(optional("pyarrow").array(self._first))
+        self._files = files if is_first.all() else files.take(optional("pyarrow").array(self._first))
         self.failed = self.mask(compute.equal(keys["status"], "failed"))
         objects = keys["n_objects"].fill_null(-1).to_numpy()
         self.is_whole = (objects < 0) | (objects == self._n_rows)  # or a label image of which parts are missing
@@ -107,7 +108,10 @@ class _Known:
     def find(self, names: Sequence[str]) -> NDArray[np.int64]:
         """Give the place of the first row of each file, -1 where there is none."""
         pa, compute = optional("pyarrow"), optional("pyarrow.compute")
-        found = compute.index_in(pa.array(names, pa.string()), value_set=self._files).fill_null(-1).to_numpy()
+        given = pa.array(names, pa.string())
+        if given.equals(self._files):  # both are sorted: the same data set again
+            return self._first.astype(np.int64)
+        found = compute.index_in(given, value_set=self._files).fill_null(-1).to_numpy()
         return np.append(self._first, -1)[found].astype(np.int64)
 
     def relabelled(

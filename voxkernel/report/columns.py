@@ -29,7 +29,8 @@ class Texts(Sequence[str]):
     def of_column(cls, column: Any) -> Texts:
         """Take an Arrow column."""
         pa = optional("pyarrow")
-        coded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
+        whole = pa.chunked_array(column.chunks, pa.string()).fill_null("").combine_chunks()
+        coded = whole.dictionary_encode()
         return cls(coded.indices.to_numpy().astype(np.int32, copy=False), coded.dictionary)
 
     @classmethod
@@ -82,6 +83,10 @@ class Texts(Sequence[str]):
         """Give the words in use, in the order of the words."""
         used = np.unique(self.codes)
         return self.words.take(optional("pyarrow").array(used)).to_pylist()
+
+    def n_used(self) -> int:
+        """How many different words are in use."""
+        return int(np.count_nonzero(np.bincount(self.codes))) if len(self.codes) else 0
 
     def counts(self) -> Counter[str]:
         """Count how often each word is used."""

@@ -15,6 +15,7 @@ from voxkernel.run_index import RunIndex
 __all__ = ["MOST_ROWS", "rows_to_show", "write_whole_table"]
 
 MOST_ROWS = 20_000  # in the table of a page
+_GROUP = 25_000  # rows that are compressed at a time
 
 
 def rows_to_show(rows: ReportRows, n: int) -> NDArray[np.int64]:
@@ -47,5 +48,6 @@ def write_whole_table(page: Path, index: RunIndex) -> Path:
     writer_of = optional("pyarrow.parquet").ParquetWriter
     with whole_file(path) as stream, writer_of(stream, schema(), compression="zstd") as writer:
         for table in index.parts():
-            writer.write_table(table)
+            writer.write_table(table, row_group_size=_GROUP)
+            optional("pyarrow").default_memory_pool().release_unused()
     return path

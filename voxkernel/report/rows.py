@@ -180,15 +180,16 @@ def from_index(index: RunIndex) -> ReportRows:
     """Take columns out of a run when they are needed."""
     from voxkernel.run_table import schema
 
-    return _rows(schema(), len(index), lambda names: index.table(names))
+    index.forget_keys()
+    return _rows(schema(), len(index), index.table, lambda name: Texts(*index.words(name)))
 
 
 def from_table(table: Any) -> ReportRows:
     """Take the columns out of an Arrow table."""
-    return _rows(table.schema, table.num_rows, table.select)
+    return _rows(table.schema, table.num_rows, table.select, lambda name: Texts.of_column(table.column(name)))
 
 
-def _rows(schema: Any, n: int, read: Callable[[list[str]], Any]) -> ReportRows:
+def _rows(schema: Any, n: int, read: Callable[[list[str]], Any], text: Callable[[str], Texts]) -> ReportRows:
     types = optional("pyarrow").types
     texts = [field.name for field in schema if types.is_string(field.type)]
     lists = [field.name for field in schema if types.is_list(field.type)]
@@ -199,7 +200,7 @@ def _rows(schema: Any, n: int, read: Callable[[list[str]], Any]) -> ReportRows:
 
     return ReportRows(
         n,
-        Columns(texts, lambda name: Texts.of_column(column(name))),
+        Columns(texts, text),
         Columns(numbers, lambda name: numbers_of(column(name))),
         Columns(lists, lambda name: Lists(column(name))),
         _outcomes(column("status"), column("verdict")),

@@ -62,7 +62,7 @@ def summarize(
         "run": run,
         "version": __version__,
         "n_rows": rows.n,
-        "n_files": len(rows.texts["file"].used()),
+        "n_files": rows.texts["file"].n_used(),
         "n_cells": int(cells.sum()),
         "n_objects": int(np.isfinite(rows.numbers["object"]).sum()),
         "kinds": kind_summary(rows),
@@ -166,7 +166,10 @@ def _usual_profiles(
         own, its = given[starts[ids][:, None] + np.arange(n)], shares[other_starts[ids][:, None] + np.arange(n)]
         whole = np.isfinite(own).all(axis=1) & np.isfinite(its).all(axis=1)
         ids, own, its = ids[whole], own[whole], its[whole]
-        distinct, group = np.unique(own, axis=0, return_inverse=True)
+        if (own == own[:1]).all():  # as in nearly every run; sorting takes its time
+            distinct, group = own[:1], np.zeros(len(own), np.int64)
+        else:
+            distinct, group = np.unique(own, axis=0, return_inverse=True)
         for k, tolerances in enumerate(map(tuple, distinct.tolist())):
             in_group = group.reshape(-1) == k
             found[tolerances] += int(in_group.sum())
