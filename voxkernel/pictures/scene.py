@@ -21,7 +21,7 @@ __all__ = ["CENTER", "DOMAIN", "KERNEL", "LINE", "RELAXED", "SURFACE", "WITNESS"
 
 SURFACE, KERNEL, WITNESS, LINE = "#7fb0e6", "#ff7a14", "#d3202f", "#2f4460"
 RELAXED = "#a34a9c"  # apart from the orange of exact kernels for every kind of colour vision
-CENTER, DOMAIN = "#ffe14d", "#5d6b7a"
+CENTER, DOMAIN = "#ffe14d", "#26323e"
 _KERNEL_LINE, _RELAXED_LINE = "#7a3300", "#4b1b48"
 
 SAMPLES = 48  # along a relaxed kernel
