@@ -129,11 +129,17 @@ def test_meshes_of_other_units_are_noted(folder, capsys):
         as_mesh((np.asarray(vertices) * scale, faces)).write(f"{name}.ply")
     _, out, _ = said(capsys, "score", "cube.ply", "large.ply", "same.ply", "small.ply", "cubed.ply", "--json")
     notes = {entry["file"]: entry["notes"] for entry in json.loads(out)}
-    assert notes["large.ply"] == ["5e+03 times as large as the median of 5 meshes: other units?"]
-    assert notes["small.ply"] == ["1e+04 times smaller than the median of 5 meshes: other units?"]
+    assert notes["large.ply"] == ["5,000 times as large as the median of 5 meshes: other units?"]
+    assert notes["small.ply"] == ["10,000 times smaller than the median of 5 meshes: other units?"]
     assert notes["cube.ply"] == notes["same.ply"] == []
+    _, out, _ = said(capsys, "info", "cube.ply", "large.ply", "same.ply", "--json")
+    assert [document["notes"] for document in json.loads(out)] == [
+        [], ["2,500 times as large as the median of 3 meshes: other units?"], []
+    ]  # fmt: skip
+    err = said(capsys, "info", "cube.ply", "large.ply", "same.ply")[2]
+    assert err == "voxkernel: large.ply: 2,500 times as large as the median of 3 meshes: other units?"
     err = said(capsys, "score", "cube.ply", "large.ply", "same.ply")[2]
-    assert err == "voxkernel: large.ply: 2.5e+03 times as large as the median of 3 meshes: other units?"
+    assert err == "voxkernel: large.ply: 2,500 times as large as the median of 3 meshes: other units?"
 
 
 def test_notes_that_save_people(folder, capsys):

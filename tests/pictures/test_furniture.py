@@ -57,8 +57,8 @@ def test_exact_and_relaxed_kernels_never_look_alike(tmp_path):
         page = (tmp_path / f"{name}.html").read_text()  # the page says the same, in the same colours
         assert all(f'"name":"{words}"' in page for words in names[name])
         assert (RELAXED in page) == (name == "relaxed")
-    assert names["exact"] == ["surface", "kernel"]
-    assert names["relaxed"] == ["surface", "relaxed kernel, 20 % of the area turned away"]
+    assert names["exact"] == ["surface", "kernel", "deepest point"]
+    assert names["relaxed"] == ["surface", "relaxed kernel, 20 % of the area turned away", "domain: hull"]
 
 
 def test_the_legend_names_the_proof():

@@ -655,7 +655,7 @@ def test_pictures(tmp_path):
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "&lt;hemisphere&gt;" in page
-    assert "radius as a world map" in page
+    assert "world map: longitude from +x to +y, latitude towards +z" in page
     with pytest.raises(ValueError, match=r"`path` must end in \.png or \.html; got 'a\.jpg'"):
         sphere_picture(tmp_path / "a.jpg", seen)
 

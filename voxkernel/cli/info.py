@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from voxkernel._sizes import size_notes
 from voxkernel.cli.messages import spoken
-from voxkernel.cli.output import display, number, print_json, print_table
+from voxkernel.cli.output import display, number, print_json, print_table, say
 
 if TYPE_CHECKING:
     from voxkernel.labels import LabelImage
@@ -21,7 +22,7 @@ DESCRIPTION = (
 )
 EXAMPLES = (
     "voxkernel info bust.ply",
-    "voxkernel info bust.ply --json",
+    "voxkernel info 'scans/*.ply' --json",
     "voxkernel info cells.hedra",
     "voxkernel info nuclei.tif",
     "voxkernel info kernel.vdb",
@@ -30,22 +31,29 @@ EXAMPLES = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("path", metavar="FILE", help="a mesh, a label image, or an .npz or .vdb grid")
-    parser.add_argument("--json", action="store_true", help="one JSON document")
+    parser.add_argument("paths", nargs="+", metavar="FILE", help="meshes, label images, .npz or .vdb grids")
+    parser.add_argument("--json", action="store_true", help="one JSON document; of several files a list")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the facts."""
-    if Path(args.path).suffix.lower() == ".vdb" and not args.json:
-        _print_vdb(args.path)
-        return 0
-    with args.stage(f"reading {display(args.path)}"):
-        facts = facts_of(args.path)
-    document = {"file": args.path, **facts}
+    """Print the facts of each file; of several meshes also which are of another scale."""
+    documents: list[dict[str, Any]] = []
+    for k, path in enumerate(args.paths):
+        if k and not args.json:
+            print()
+        if Path(path).suffix.lower() == ".vdb" and not args.json:
+            _print_vdb(path)
+            continue
+        with args.stage(f"reading {display(path)}"):
+            documents.append({"file": path, **facts_of(path)})
+        if not args.json:
+            print_table({name.replace("_", " "): _text(value) for name, value in documents[-1].items()})
+    for k, note in size_notes([document.get("diagonal") for document in documents]).items():
+        documents[k]["notes"] = [*documents[k]["notes"], note]
+        if not args.json:
+            say(f"{display(documents[k]['file'])}: {note}", quiet=args.quiet)
     if args.json:
-        print_json(document)
-    else:
-        print_table({name.replace("_", " "): _text(value) for name, value in document.items()})
+        print_json(documents[0] if len(documents) == 1 else documents)
     return 0
 
 

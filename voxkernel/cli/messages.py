@@ -95,7 +95,8 @@ def did_you_mean(text: str, options: Iterable[str] = ()) -> str:
         return f"{text[: found.start()]}invalid choice: '{found['word']}'; did you mean {near[0]}?" if near else text
     words = text.partition("unrecognized arguments: ")[2].split()
     for word in words:
-        near = get_close_matches(word.partition("=")[0], list(options), n=1) if word.startswith("-") else []
+        bare = {option.lstrip("-"): option for option in options if option.startswith("--")}
+        near = get_close_matches(word.partition("=")[0].strip("-"), list(bare), n=1) if word.startswith("-") else []
         if near:
-            return f"{text}; did you mean {near[0]}?"
+            return f"{text}; did you mean {bare[near[0]]}?"
     return text

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import Any
 
+from voxkernel._sizes import size_notes
 from voxkernel.cli.messages import option_names, spoken
 from voxkernel.cli.output import display, number, print_json, say, table_row
 from voxkernel.cli.streaming import add_stream, opened
@@ -25,7 +26,6 @@ EXAMPLES = (
 )
 _COLUMNS = ("file", "verdict", "ratio", "volume", "reference", "reason")
 _WIDTHS = (16, 11, 12, 15)
-_OTHER_SCALE = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,20 +77,11 @@ def _score(path: str, args: argparse.Namespace, names: dict[str, str]) -> dict[s
 
 
 def _note_sizes(entries: list[dict[str, Any]], as_json: bool, quiet: bool) -> None:
-    """Note meshes that are a thousand times smaller or larger than the others: mostly metres among millimetres."""
-    import statistics
-
-    sizes = [entry["diagonal"] for entry in entries if entry.get("diagonal")]
-    middle = statistics.median(sizes) if len(sizes) > 2 else 0.0
-    for entry in entries:
-        share = entry.get("diagonal", 0.0) / middle if middle else 0.0
-        if share and not 1.0 / _OTHER_SCALE < share < _OTHER_SCALE:
-            word = f"{share:.3g} times as large" if share > 1.0 else f"{1.0 / share:.3g} times smaller"
-            note = f"{word} than the median of {len(sizes)} meshes: other units?"
-            note = note.replace("as large than", "as large as")
-            entry["notes"] = [*entry["notes"], note]
-            if not as_json:
-                say(f"{display(entry['file'])}: {note}", quiet=quiet)
+    """Note meshes of another scale, which cannot be seen before all are read."""
+    for k, note in size_notes([entry.get("diagonal") for entry in entries]).items():
+        entries[k]["notes"] = [*entries[k]["notes"], note]
+        if not as_json:
+            say(f"{display(entries[k]['file'])}: {note}", quiet=quiet)
 
 
 def _cells(entry: dict[str, Any]) -> list[str]:

@@ -110,6 +110,9 @@ def _convert(mesh: MeshLike, rtol: float) -> TriangleMesh:
         if (root, name) == ("meshio", "Mesh"):
             return _from_meshio(given, rtol)
     kind = type(given)
+    if isinstance(mesh, dict):
+        keys = ", ".join(map(repr, list(mesh)[:6])) or "none"  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+        raise TypeError(f"`mesh` must have `vertices` and `faces` where it is a dict; got the keys {keys}")
     raise TypeError(f"`mesh` must be {_ACCEPTED}; got {kind.__module__}.{kind.__qualname__}")
 
 

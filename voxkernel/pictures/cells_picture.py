@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
-from voxkernel.pictures.png import _silent_vtk
+from voxkernel.pictures.silent_vtk import silent_vtk
 
 if TYPE_CHECKING:
     from voxkernel.polyhedral import PolyhedralMesh
@@ -47,7 +47,7 @@ def cells_picture(
     low, high = limits or ((float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0))
     data: Any = pyvista.PolyData(mesh.vertices.copy(), polygons)
     data.cell_data["value"] = shades[owner]
-    with _silent_vtk():
+    with silent_vtk():
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size))
         try:
             plotter.set_background("white")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.pictures.scene import SURFACE, WITNESS, Scene
+from voxkernel.pictures.scene import CENTER, DOMAIN, SURFACE, WITNESS, Scene
 
 __all__ = ["add_furniture", "bar_length", "legend_of"]
 
@@ -31,6 +31,10 @@ def legend_of(scene: Scene) -> list[tuple[str, str]]:
     entries = [(SURFACE, "surface")]
     if len(scene.kernel_vertices):
         entries.append((scene.kernel_color, scene.kernel_name))
+    if len(scene.center):
+        entries.append((CENTER, scene.center_name))
+    if len(scene.domain_lines):
+        entries.append((DOMAIN, f"domain: {scene.domain_name}"))
     if len(scene.witness_faces):
         entries.append((WITNESS, "facets of the proof"))
     return entries
@@ -69,8 +73,28 @@ def add_furniture(
         pen.line([(x, y - tick), (x, y + tick)], fill=_INK, width=line)
     words = f"{length:g} mesh units"
     write(pen, (round(start), round(middle - 24 * unit)), words, 20 * unit, _INK, right - round(start))
-    x, side = max(end, start + 170 * unit) + 50 * unit, 20 * unit
-    for color, words in legend_of(scene):
-        pen.rectangle([x, middle - side / 2, x + side, middle + side / 2], fill=color)
-        write(pen, (round(x + 1.5 * side), round(middle - 13 * unit)), words, 20 * unit, _PALE, right - round(x))
-        x += 1.5 * side + 11.5 * unit * len(words) + 28 * unit
+    _draw_legend(pen, write, legend_of(scene), (max(end, start + 170 * unit) + 50 * unit, middle, right), unit)
+
+
+def _draw_legend(
+    pen: Any, write: Write, entries: list[tuple[str, str]], box: tuple[float, float, float], unit: float
+) -> None:
+    """Draw into (left, middle, right): in one line, or two where it is longer than that."""
+    left, middle, right = box
+    side = 20 * unit
+    widths = [1.5 * side + 11.0 * unit * len(words) + 28 * unit for _, words in entries]
+    rows: list[list[tuple[str, str, float]]] = [[]] if sum(widths) <= right - left else [[], []]
+    for k, width in enumerate(widths):
+        rows[len(rows) == 2 and sum(widths[:k]) >= 0.5 * sum(widths)].append((*entries[k], width))
+    for row, y in zip(rows, (middle,) if len(rows) == 1 else (middle - 18 * unit, middle + 18 * unit), strict=True):
+        x = left
+        for color, words, width in row:
+            if color == CENTER:
+                dot = [x + 2, y - side / 2 + 2, x + side - 2, y + side / 2 - 2]
+                pen.ellipse(dot, fill=color, outline=_INK, width=2)
+            elif color == DOMAIN:
+                pen.line([(x, y), (x + side, y)], fill=color, width=max(2, round(2 * unit)))
+            else:
+                pen.rectangle([x, y - side / 2, x + side, y + side / 2], fill=color)
+            write(pen, (round(x + 1.5 * side), round(y - 13 * unit)), words, 20 * unit, _PALE, right - round(x))
+            x += width

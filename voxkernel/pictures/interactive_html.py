@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel.pictures.furniture import bar_length
 from voxkernel.pictures.parts import save_page
-from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
 
 __all__ = ["Plate", "write_html"]
 
@@ -49,7 +50,10 @@ def write_html(path: Path, plates: Sequence[Plate]) -> None:
         title={"text": _heading(plates[0]), "x": 0.03, "xanchor": "left", "y": 0.95, "font": font},
         scene=_space(plates[0].scene), margin={"l": 0, "r": 0, "t": 90, "b": 0}, paper_bgcolor="white",
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
-        legend={"x": 0.99, "xanchor": "right", "y": 0.02, "yanchor": "bottom", "bgcolor": "rgba(255,255,255,0.8)"},
+        legend={
+            "font": {"size": 15}, "x": 0.99, "xanchor": "right", "y": 0.02, "yanchor": "bottom",
+            "bgcolor": "rgba(255,255,255,0.8)",
+        },
         updatemenus=[menu] if len(plates) > 1 else [],
     )  # fmt: skip
     name = _clean(plates[0].title if len(plates) == 1 else "voxkernel")
@@ -66,13 +70,17 @@ def _clean(text: str) -> str:
 
 
 def _space(scene: Scene) -> dict[str, Any]:
-    low, high = scene.points.min(axis=0), scene.points.max(axis=0)
-    ratio = (high - low) / (float((high - low).max()) or 1.0)
-    eye = 0.95 * float(np.linalg.norm(ratio)) * scene.view
-    hidden = {"visible": False}
+    lines, places, _ = _furniture(scene)
+    points = np.concatenate([scene.points, lines.reshape(-1, 3), places])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low).max()) or 1.0
+    # Every axis as long as the longest, so that a flat scene is no case of its own.
+    ranges = np.stack([0.5 * (low + high) - 0.5 * size, 0.5 * (low + high) + 0.5 * size], axis=1)
+    eye = 1.02 * float(np.linalg.norm((high - low) / size)) * scene.view
+    x, y, z = ({"visible": False, "range": ends, "autorange": False} for ends in ranges.tolist())
     return {
-        "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "manual",
-        "aspectratio": dict(zip("xyz", np.maximum(ratio, 1e-3).tolist(), strict=True)),
+        "xaxis": x, "yaxis": y, "zaxis": z, "aspectmode": "cube",
+        "annotations": _dots(scene.center),
         "camera": {
             "eye": dict(zip("xyz", eye.tolist(), strict=True)),
             "up": dict(zip("xyz", scene.up.tolist(), strict=True)),
@@ -96,7 +104,8 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
         traces.append(_lines(go, scene.surface_lines, LINE, 2))
     if len(scene.kernel_faces):
         look = scene.kernel_name, scene.kernel_color
-        traces.append(_mesh(go, scene.kernel_vertices, scene.kernel_faces, *look, flatshading=True, **solid))
+        inner = {"flatshading": not scene.is_smooth}
+        traces.append(_mesh(go, scene.kernel_vertices, scene.kernel_faces, *look, **inner, **solid))
         if 0 < len(scene.kernel_lines) <= 4000:
             traces.append(_lines(go, scene.kernel_lines, scene.kernel_line_color, 2))
     elif len(scene.kernel_lines):
@@ -109,7 +118,52 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
         traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
     if len(scene.witness_faces):
         traces += _witness(go, scene)
-    return traces
+    if len(scene.center):
+        x, y, z = scene.center.T.tolist()
+        marker = {"size": 6, "color": CENTER, "line": {"color": _INK, "width": 1.5}}
+        name = scene.center_name
+        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
+    if len(scene.domain_lines):
+        traces.append(_lines(go, scene.domain_lines, DOMAIN, 2, name=f"domain: {scene.domain_name}"))
+    lines, places, words = _furniture(scene)
+    return [*traces, _lines(go, lines, _INK, 4), _words(go, places, words)]
+
+
+def _furniture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64], list[str]]:
+    """Axes and a scale bar below the scene, as segments and words of the world: they turn and shrink with it."""
+    right = np.cross(scene.up, scene.view)
+    right /= np.linalg.norm(right)
+    frame = np.stack([right, np.cross(scene.view, right), scene.view])
+    flat = scene.points @ frame.T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    size = float((high - low)[:2].max()) or 1.0
+    hub = np.array([low[0] + 0.08 * size, low[1] - 0.14 * size, 0.5 * (low[2] + high[2])])
+    reach, length = 0.08 * size, bar_length(0.3 * size)
+    start = hub + np.array([0.2 * size, 0.0, 0.0])
+    end, tick = start + np.array([length, 0.0, 0.0]), np.array([0.0, 0.02 * size, 0.0])
+    bar = np.array([[start, end], [start - tick, start + tick], [end - tick, end + tick]]) @ frame
+    root = np.broadcast_to(hub @ frame, (3, 3))
+    axes = np.stack([root, root + reach * np.eye(3)], axis=1)
+    middle = 0.5 * (start + end) + np.array([0.0, 0.05 * size, 0.0])
+    places = np.concatenate([root + 1.35 * reach * np.eye(3), (middle @ frame)[None]])
+    return np.concatenate([axes, bar]), places, ["x", "y", "z", f"{length:g} mesh units"]
+
+
+def _dots(points: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Dots in front of everything: the centre is inside the kernel."""
+    found: list[dict[str, Any]] = []
+    for place in points.tolist():
+        at = {**dict(zip("xyz", place, strict=True)), "showarrow": False, "text": "●", "hovertext": ""}
+        found += [{**at, "font": {"size": size, "color": color}} for size, color in ((24, _INK), (17, CENTER))]
+    return found
+
+
+def _words(go: Any, points: NDArray[np.float64], words: Sequence[str]) -> Any:
+    x, y, z = points.T.tolist()
+    font = {"color": _INK, "size": 14}
+    return go.Scatter3d(
+        x=x, y=y, z=z, mode="text", text=list(words), textfont=font, hoverinfo="skip", showlegend=False
+    )
 
 
 def _witness(go: Any, scene: Scene) -> list[Any]:

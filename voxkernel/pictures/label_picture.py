@@ -13,7 +13,7 @@ from voxkernel.labels import LabelImage, LabelStars
 from voxkernel.labels.label_surface import surface_of
 from voxkernel.labels.objects import LabelObjects, crop_of
 from voxkernel.labels.painting import CENTER, HIDDEN, seen_from
-from voxkernel.pictures.png import _silent_vtk as silent_vtk
+from voxkernel.pictures.silent_vtk import silent_vtk
 
 __all__ = ["label_picture"]
 

@@ -70,11 +70,12 @@ def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, D
 
 def drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
     """One part, larger than needed."""
-    from voxkernel.pictures.png import _light, _silent_vtk
+    from voxkernel.pictures.png import _light
+    from voxkernel.pictures.silent_vtk import silent_vtk
 
     pyvista = optional("pyvista")
 
-    with _silent_vtk():
+    with silent_vtk():
         pixels = [round(1.5 * v) for v in size]
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
         try:

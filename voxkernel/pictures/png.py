@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Generator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,9 +11,10 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel.pictures.furniture import add_furniture
-from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.silent_vtk import silent_vtk
 
-__all__ = ["broken", "write_png"]
+__all__ = ["broken", "segments", "write_png"]
 
 # Drawn larger and scaled down: smooth edges also where depth peeling forbids multi-sampling.
 _SUPERSAMPLE = 1.5
@@ -30,6 +29,7 @@ class _View(NamedTuple):
     image: NDArray[np.uint8]
     kernel_at: NDArray[np.float64] | None  # (2, 2): pixel box of the kernel, y down
     units_per_pixel: float  # in the plane through the middle of what is shown
+    marked: NDArray[np.float64]  # (0 or 1, 2): pixel of the centre, y down
 
 
 def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple[int, int]) -> None:
@@ -47,6 +47,9 @@ def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple
         low, high = view.kernel_at / _SUPERSAMPLE + np.array([0, head])
         if float((high - low).max()) < 0.07 * height:
             _add_close_up(page, pen, scene, (low, high), unit, height - foot)
+    for x, y in view.marked / _SUPERSAMPLE + np.array([0, head]):
+        radius, line = 8 * unit, max(2, round(2.5 * unit))
+        pen.ellipse([x - radius, y - radius, x + radius, y + radius], fill=CENTER, outline=_INK, width=line)
     left, across = round(36 * unit), width - round(72 * unit)
     _write(pen, (left, round(24 * unit)), title, 40 * unit, _INK, across)
     _write(pen, (left, round(76 * unit)), caption, 25 * unit, _PALE, across)
@@ -57,7 +60,7 @@ def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple
 
 def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _View:
     pyvista = optional("pyvista")
-    with _silent_vtk():
+    with silent_vtk():
         pixels = [round(v * _SUPERSAMPLE) for v in size]
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=pixels, lighting="none")
         try:
@@ -67,6 +70,9 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
                 _add_surface(plotter, pyvista, scene)
             _add_kernel(plotter, pyvista, scene, close_up)
             _add_witness(plotter, pyvista, scene)
+            if len(scene.domain_lines) and not close_up:
+                lines = segments(pyvista, scene.domain_lines)
+                plotter.add_mesh(lines, color=DOMAIN, line_width=1.4, opacity=0.8, lighting=False)
             points = scene.kernel_vertices if close_up else scene.points
             scale = _aim(plotter, scene, points, pixels, margin=1.5 if close_up else 1.06)
             # Without these two lines depth peeling drops everything translucent where VTK renders in software.
@@ -75,9 +81,10 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
             plotter.enable_depth_peeling(12)
             image = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
             at = _to_pixels(plotter, scene.kernel_vertices, pixels) if len(scene.kernel_vertices) else None
+            marked = _to_pixels(plotter, scene.center, pixels) if len(scene.center) else scene.center[:, :2]
         finally:
             plotter.close()
-    return _View(image, None if at is None else np.array([at.min(axis=0), at.max(axis=0)]), scale)
+    return _View(image, None if at is None else np.array([at.min(axis=0), at.max(axis=0)]), scale, marked)
 
 
 def _light(plotter: Any, pyvista: Any) -> None:
@@ -98,7 +105,7 @@ def _add_surface(plotter: Any, pyvista: Any, scene: Scene) -> None:
         ambient=0.3, diffuse=0.75, specular=0.35, specular_power=28,
     )  # fmt: skip
     if len(scene.surface_lines):
-        lines = _segments(pyvista, scene.surface_lines)
+        lines = segments(pyvista, scene.surface_lines)
         plotter.add_mesh(lines, color=LINE, line_width=2.2, opacity=0.75, lighting=False)
 
 
@@ -112,7 +119,7 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
     }  # fmt: skip
     if len(scene.kernel_faces):
         data = pyvista.PolyData.from_regular_faces(points, scene.kernel_faces)
-        plotter.add_mesh(data, smooth_shading=False, **material)
+        plotter.add_mesh(data, smooth_shading=scene.is_smooth, **material)
     elif len(points) == 2:
         plotter.add_mesh(pyvista.Tube(pointa=points[0], pointb=points[1], radius=0.007 * size, n_sides=24), **material)
     else:
@@ -120,7 +127,7 @@ def _add_kernel(plotter: Any, pyvista: Any, scene: Scene, close_up: bool) -> Non
     if 0 < len(scene.kernel_lines) <= 4000 and len(scene.kernel_faces):
         coarse = len(scene.kernel_lines) <= 150
         plotter.add_mesh(
-            _segments(pyvista, scene.kernel_lines), color=scene.kernel_line_color, line_width=3.0 if coarse else 1.2,
+            segments(pyvista, scene.kernel_lines), color=scene.kernel_line_color, line_width=3.0 if coarse else 1.2,
             opacity=0.9 if coarse else 0.35, lighting=False,
         )  # fmt: skip
 
@@ -141,7 +148,8 @@ def _add_witness(plotter: Any, pyvista: Any, scene: Scene) -> None:
         plotter.add_mesh(arrow, **red)
 
 
-def _segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
+def segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
+    """Make lines for PyVista of (k, 2, 3) ends."""
     n = len(lines)
     cells = np.column_stack([np.full(n, 2), 2 * np.arange(n), 2 * np.arange(n) + 1]).ravel()
     return pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)), lines=cells)
@@ -239,18 +247,3 @@ def _font(size: float) -> Any:
         if file.is_file():
             return fonts.truetype(str(file), round(size))
     return fonts.load_default(round(size))
-
-
-@contextlib.contextmanager
-def _silent_vtk() -> Generator[None]:
-    """Keep VTK's search for a display off stderr while drawing."""
-    core = optional("vtkmodules.vtkCommonCore")
-    vtkLogger, vtkObject = core.vtkLogger, core.vtkObject
-    level, warns = vtkLogger.GetCurrentVerbosityCutoff(), vtkObject.GetGlobalWarningDisplay()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    vtkObject.GlobalWarningDisplayOff()
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(level)
-        vtkObject.SetGlobalWarningDisplay(warns)

@@ -14,12 +14,18 @@ from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
+from voxkernel.pictures.domain_outline import domain_outline, is_cut_by_domain
+from voxkernel.pictures.level_surface import level_surface
 
-__all__ = ["KERNEL", "LINE", "RELAXED", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
+__all__ = ["CENTER", "DOMAIN", "KERNEL", "LINE", "RELAXED", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
 
 SURFACE, KERNEL, WITNESS, LINE = "#7fb0e6", "#ff7a14", "#d3202f", "#2f4460"
 RELAXED = "#a34a9c"  # apart from the orange of exact kernels for every kind of colour vision
+CENTER, DOMAIN = "#ffe14d", "#26323e"
 _KERNEL_LINE, _RELAXED_LINE = "#7a3300", "#4b1b48"
+
+SAMPLES = 48  # along a relaxed kernel
+_CENTER_NAMES = ("deepest point", "star centre")
 
 # Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
 _SHARP_DEG = 30.0
@@ -27,6 +33,7 @@ _COARSE = 300
 _FLAT = 1.0 - 1e-6
 # Sharp edges that hang together for less than this share of the diagonal are specks, not features.
 _SPECK = 0.3
+_Y_UP = (".glb", ".gltf")  # by their specification
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -35,7 +42,8 @@ class Scene(Frozen):
 
     `kernel_lines` and `surface_lines` are (k, 2, 3) segments. `witness_faces` are surface triangles of
     the certificate of an empty kernel; from the centre of each, `witness_inward` points to its inner side.
-    `tolerance` is that of a relaxed kernel, 0 of an exact one: they never look alike.
+    `tolerance` is that of a relaxed kernel, 0 of an exact one: they never look alike. `domain_lines` outline the domain
+    `domain_name` where it cuts the kernel, else there are none; `center` has one row or none.
     """
 
     vertices: NDArray[np.float64]
@@ -50,7 +58,12 @@ class Scene(Frozen):
     witness_inward: NDArray[np.float64]
     view: NDArray[np.float64]
     up: NDArray[np.float64]
-    tolerance: float = 0.0
+    tolerance: float
+    domain_lines: NDArray[np.float64]
+    domain_name: str
+    center: NDArray[np.float64]
+    center_name: str
+    is_smooth: bool  # of the kernel: a level surface, not faces or voxels
 
     @property
     def kernel_color(self) -> str:
@@ -70,7 +83,8 @@ class Scene(Frozen):
     @property
     def points(self) -> NDArray[np.float64]:
         """(k, 3): every vertex drawn."""
-        return np.concatenate([used_vertices(self.vertices, self.faces), self.kernel_vertices])
+        parts = (used_vertices(self.vertices, self.faces), self.kernel_vertices, self.domain_lines.reshape(-1, 3))
+        return np.concatenate([*parts, self.center])
 
     @property
     def diagonal(self) -> float:
@@ -78,12 +92,29 @@ class Scene(Frozen):
         return float(np.linalg.norm(np.diff(bounds_of(used_vertices(self.vertices, self.faces)), axis=0)))
 
 
-def make_scene(mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | None = None) -> Scene:
-    """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None, `up` a unit vector or None."""
+def make_scene(
+    mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | None = None, samples: int = SAMPLES,
+    center: NDArray[np.float64] | None = None,
+) -> Scene:  # fmt: skip
+    """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None, `up` a unit vector or None.
+
+    A relaxed kernel is contoured with so many `samples`; 0 shows its voxels. `center` is the point to mark; of a
+    polytope the deepest one by default.
+    """
     corners = mesh.vertices[mesh.faces]
     normals = mesh.facet_normals
     lines, is_open = _feature_lines(mesh, normals)
+    tolerance = float(getattr(kernel, "tolerance", 0.0))
     points, triangles, edges = _kernel_parts(kernel)
+    cut = kernel.domain if kernel is not None and is_cut_by_domain(kernel, points) else None
+    is_smooth = False
+    if tolerance and samples and len(points):
+        smooth = level_surface(mesh, kernel, samples=samples)
+        is_smooth = len(smooth[1]) > 0  # a kernel thinner than the samples is shown as its voxels
+        if is_smooth:
+            points, triangles = smooth
+    if center is None and isinstance(kernel, KernelPolytope) and kernel.dimension == 3:
+        center = kernel.deepest_point
     witness = np.zeros(0, np.int64)
     if kernel is not None and len(points) == 0:
         ids = [i for i in getattr(getattr(kernel, "certificate", None), "facet_ids", ()) if i >= 0]
@@ -92,12 +123,28 @@ def make_scene(mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | Non
     view, upward = _camera(mesh, doubled_normals(corners), points, is_open)
     if up is not None:
         view, upward = _upright(view, upward, up)
+    none = np.zeros((0, 2, 3))
     # Programs that draw make room for every vertex they are given.
     return Scene(
         *without_strays(mesh.vertices, mesh.faces), lines, is_open, points, triangles, edges,
         np.flatnonzero(np.isin(mesh.facet_ids, mesh.facet_ids[witness])),
-        corners[witness].mean(axis=1), -normals[witness], view, upward, float(getattr(kernel, "tolerance", 0.0)),
+        corners[witness].mean(axis=1), -normals[witness], view, upward, tolerance,
+        none if cut is None else domain_outline(cut), "" if cut is None else cut.kind,
+        np.zeros((0, 3)) if center is None else center.reshape(1, 3), _CENTER_NAMES[bool(tolerance)],
+        is_smooth,
     )  # fmt: skip
+
+
+def _upward(mesh: TriangleMesh, front: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Up is y or z, as the file says, else the longer of the two, z of about equal ones; never what is in front."""
+    sizes = np.ptp(mesh.used_vertices, axis=0)
+    if str(mesh.source or "").lower().endswith(_Y_UP):
+        axis = 1
+    else:
+        axis = 1 if sizes[1] > 1.1 * sizes[2] else 2
+    if abs(front[axis]) >= 0.7:
+        axis = 3 - axis
+    return np.eye(3)[axis]
 
 
 def _upright(
@@ -206,7 +253,7 @@ def _camera(
     is_open = is_open and float(np.linalg.norm(facing)) > 0.2 * float(np.linalg.norm(doubled, axis=1).sum())
     if is_open:
         front = facing / np.linalg.norm(facing)
-    up = np.array([0.0, 0.0, 1.0]) if abs(front[2]) < 0.7 else np.array([0.0, 1.0, 0.0])
+    up = _upward(mesh, front)
     right = np.cross(up, front)
     right /= np.linalg.norm(right)
     # The kernel of an open surface is behind it: look from the side.

@@ -15,6 +15,7 @@ from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
+from voxkernel.pictures.png import segments
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
 from voxkernel.spherical import RadialGrid
 from voxkernel.spherical.radial_grid import grid_triangles
@@ -24,10 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = ["sphere_picture"]
 
-_UNSEEN = "#e3e6ea"
+_UNSEEN, _LINE = "#e3e6ea", "#ffffff"
 _SIZE = (1400, 1120)
 _MAP_RINGS = 180
-_NAMES = ("surface and centre", "radius on the sphere", "radius as a world map", "reconstruction")
+_NAMES = ("surface and centre", "radius on the sphere", "world map", "reconstruction")
+_CONVENTION = "longitude from +x to +y, latitude towards +z"
+_STEP = 30  # degrees between lines of longitude and of latitude
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -105,7 +108,7 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
     go = optional("plotly.graph_objects")
     make_subplots = optional("plotly.subplots").make_subplots
     figure = make_subplots(
-        rows=2, cols=2, subplot_titles=_NAMES, horizontal_spacing=0.05, vertical_spacing=0.07,
+        rows=2, cols=2, subplot_titles=_titles(), horizontal_spacing=0.05, vertical_spacing=0.07,
         specs=[[{"type": "scene"}, {"type": "scene"}], [{"type": "heatmap"}, {"type": "scene"}]],
     )  # fmt: skip
     light = {
@@ -121,8 +124,7 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
         return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, lightposition=shine, hoverinfo="skip", **style)
 
     figure.add_trace(solid(*panels.surface, color=SURFACE, opacity=0.55), row=1, col=1)
-    lines = np.concatenate([panels.rays, np.full((len(panels.rays), 1, 3), np.nan)], axis=1).reshape(-1, 3)
-    x, y, z = lines.T
+    x, y, z = _broken(panels.rays).T
     thin = {"color": KERNEL, "width": 1.5}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=1)
     x, y, z = panels.center[:, None].tolist()
@@ -146,9 +148,15 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
         ), row=2, col=1,
     )  # fmt: skip
     figure.add_trace(solid(*panels.rebuilt, color=SURFACE), row=2, col=2)
-    axis = {"constrain": "domain", "showgrid": False, "zeroline": False}
-    figure.update_xaxes(title="longitude, degrees", range=[-180, 180], dtick=60, **axis)
-    figure.update_yaxes(title="latitude, degrees", range=[-90, 90], dtick=30, scaleanchor="x", **axis)
+    figure.add_trace(
+        go.Scatter(**_lines_of_map(), mode="lines", line={"color": _LINE, "width": 0.8}, hoverinfo="skip"), row=2, col=1
+    )
+    x, y, z = _broken(_lines_of_ball()).T
+    thin = {"color": _LINE, "width": 1.5}
+    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=2)
+    axis = {"constrain": "domain", "showgrid": False, "zeroline": False, "ticksuffix": "°"}
+    figure.update_xaxes(title="longitude", range=[-180, 180], dtick=60, **axis)
+    figure.update_yaxes(title="latitude", range=[-90, 90], dtick=30, scaleanchor="x", **axis)
     eye = {"eye": dict(zip("xyz", (1.85 * panels.view).tolist(), strict=True)),
            "up": dict(zip("xyz", panels.up.tolist(), strict=True))}  # fmt: skip
     hidden = {"visible": False}
@@ -161,6 +169,36 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
     save_page(path, figure, title or "spherical map")
 
 
+def _titles() -> tuple[str, ...]:
+    """Names of the parts; that of the map says what its axes are."""
+    return tuple(f"{name}: {_CONVENTION}" if name == _NAMES[2] else name for name in _NAMES)
+
+
+def _broken(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ends of segments one after the other, with a gap behind each."""
+    return np.concatenate([segments, np.full((len(segments), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+
+
+def _lines_of_map() -> dict[str, NDArray[np.float64]]:
+    """Meridians and parallels of the map, with gaps between."""
+    east, north = np.arange(-180.0, 181.0, _STEP), np.arange(-90.0, 91.0, _STEP)
+    x = np.concatenate([np.column_stack([east, east, east * np.nan]).ravel(), np.tile([-180.0, 180.0, np.nan], 7)])
+    return {"x": x, "y": np.concatenate([np.tile([-90.0, 90.0, np.nan], 13), np.repeat(north, 3)])}
+
+
+def _lines_of_ball() -> NDArray[np.float64]:
+    """The same lines on the ball, a little above it, as segments."""
+    turn, up = np.radians(np.arange(0.0, 361.0, 5.0)), np.radians(np.arange(-90.0, 91.0, 5.0))
+    curves = [_on_ball(turn, np.full_like(turn, b)) for b in np.radians(np.arange(-90.0 + _STEP, 90.0, _STEP))]
+    curves += [_on_ball(np.full_like(up, a), up) for a in np.radians(np.arange(0.0, 360.0, _STEP))]
+    return np.concatenate([np.stack([c[:-1], c[1:]], axis=1) for c in curves])
+
+
+def _on_ball(longitude: NDArray[np.float64], latitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    flat = np.cos(latitude)
+    return 1.006 * np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)], axis=-1)
+
+
 def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Longitudes from -180, latitudes from -90, and the radii in that order."""
     rows, columns = radii.shape
@@ -171,7 +209,7 @@ def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 def _write_png(path: Path, panels: _Panels, title: str, words: str) -> None:
     draws = (_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)
-    parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_NAMES, draws, strict=True)]
+    parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_titles(), draws, strict=True)]
     write_parts(path, title, words, parts, _SIZE)
 
 
@@ -183,9 +221,7 @@ def _draw_surface(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     vertices, faces = panels.surface
     data = pyvista.PolyData.from_regular_faces(vertices, faces)
     plotter.add_mesh(data, color=SURFACE, opacity=0.5, smooth_shading=True, split_sharp_edges=True, **_MATERIAL)
-    cells = np.column_stack([np.full(len(panels.rays), 2), np.arange(2 * len(panels.rays)).reshape(-1, 2)]).ravel()
-    lines = pyvista.PolyData(np.ascontiguousarray(panels.rays.reshape(-1, 3)), lines=cells)
-    plotter.add_mesh(lines, color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
+    plotter.add_mesh(segments(pyvista, panels.rays), color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
     reach = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     plotter.add_mesh(pyvista.Sphere(radius=0.016 * reach, center=panels.center), color=KERNEL, **_MATERIAL)
     plotter.view_vector(panels.view, panels.up)
@@ -200,20 +236,36 @@ def _draw_ball(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     ball = pyvista.PolyData.from_regular_faces(unit, triangles[seen])
     ball.point_data["radius"] = radii
     plotter.add_mesh(ball, scalars="radius", ambient=0.4, diffuse=0.55, **_COLORS)
+    plotter.add_mesh(segments(pyvista, _lines_of_ball()), color=_LINE, line_width=1.2, opacity=0.6, lighting=False)
     plotter.view_vector(panels.view, panels.up)
     plotter.camera.zoom(1.3)
 
 
 def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     longitude, latitude, flat = _rolled(panels.world_map)
-    chart: Any = pyvista.ImageData(dimensions=(len(longitude) + 1, len(latitude) + 1, 1), spacing=(2.0, 2.0, 1.0))
-    chart.cell_data["radius"] = flat.reshape(-1)
-    plotter.add_mesh(chart, scalars="radius", lighting=False, **_COLORS)
-    plotter.add_scalar_bar(
-        "radius", n_labels=4, height=0.08, width=0.6, position_x=0.2, position_y=0.02, color=INK, fmt="%.4g"
+    columns, rows = len(longitude), len(latitude)
+    chart: Any = pyvista.ImageData(
+        dimensions=(columns + 1, rows + 1, 1), spacing=(360.0 / columns, 180.0 / rows, 1.0), origin=(-180.0, -90.0, 0.0)
     )
+    chart.cell_data["radius"] = flat.reshape(-1)
+    shades = plotter.add_mesh(chart, scalars="radius", lighting=False, **_COLORS)
+    ends = [((a, -90.0, 1.0), (a, 90.0, 1.0)) for a in range(-180, 181, _STEP)]
+    ends += [((-180.0, b, 1.0), (180.0, b, 1.0)) for b in range(-90, 91, _STEP)]
+    lines = segments(pyvista, np.array(ends, dtype=np.float64))
+    plotter.add_mesh(lines, color=_LINE, line_width=1.2, opacity=0.6, lighting=False)
+    labels = [((a, -98.0, 0.0), f"{a}°") for a in range(-180, 181, 2 * _STEP)]
+    labels += [((-197.0, b, 0.0), f"{b}°") for b in range(-60, 61, _STEP)]
+    plotter.add_point_labels(
+        np.array([place for place, _ in labels], dtype=np.float64), [words for _, words in labels], shape=None,
+        show_points=False, always_visible=True, font_size=20, text_color=INK, justification_horizontal="center",
+        justification_vertical="center",
+    )  # fmt: skip
+    plotter.add_scalar_bar(
+        "radius", mapper=shades.mapper, n_labels=4, height=0.08, width=0.6, position_x=0.2, position_y=0.02, color=INK,
+        fmt="%.4g",
+    )  # fmt: skip
     plotter.view_xy()
-    plotter.camera.zoom(1.35)
+    plotter.camera.zoom(1.2)
 
 
 def _draw_rebuilt(plotter: Any, pyvista: Any, panels: _Panels) -> None:

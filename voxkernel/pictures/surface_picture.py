@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_path
-from voxkernel.mesh import MeshLike, as_mesh
+from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.pictures.interactive_html import Plate, write_html
 from voxkernel.pictures.parts import check_picture
 from voxkernel.pictures.png import write_png
-from voxkernel.pictures.scene import caption_of, make_scene
+from voxkernel.pictures.scene import SAMPLES, Scene, caption_of, make_scene
 from voxkernel.pictures.sphere_picture import sphere_picture
+from voxkernel.relaxed import best_center
 
 __all__ = ["interactive_page", "sphere_picture", "surface_picture"]
 
@@ -29,6 +30,7 @@ def surface_picture(
     caption: str | None = None,
     size: tuple[int, int] = (1400, 1000),
     up: ArrayLike | None = None,
+    voxels: bool = False,
 ) -> None:
     """Draw a surface, translucent, and its kernel, solid.
 
@@ -46,7 +48,11 @@ def surface_picture(
     size : (int, int)
         Width and height of a PNG, pixels, at least 200 each.
     up : (3,) array_like, optional
-        The direction that points up in the picture; by default one that shows the surface well.
+        The direction that points up in the picture; by default that of the file (y of ``.glb``), else y or z, whichever
+        is longer. Open surfaces look at the viewer.
+    voxels : bool
+        Draw a relaxed kernel as its voxels; by default as the smooth surface on which the violation reaches the
+        tolerance, contoured on a grid.
 
     Raises
     ------
@@ -60,8 +66,8 @@ def surface_picture(
     Notes
     -----
     PNG needs PyVista and no display; HTML needs plotly. A kernel too small to be seen gets a close-up.
-    Below a PNG stand the axes, a scale bar in mesh units and what the colours mean: exact kernels are orange, relaxed
-    ones purple.
+    Axes, a scale bar in mesh units and a legend stand below: exact kernels are orange, relaxed ones purple; the deepest
+    point, or the star centre, is a yellow dot. Where a domain cuts the kernel, its outline is drawn and named.
 
     Examples
     --------
@@ -78,11 +84,19 @@ def surface_picture(
         raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
     mesh = as_mesh(surface)
     words = caption_of(mesh, kernel) if caption is None else caption
-    scene = make_scene(mesh, kernel, up=None if up is None else _direction(up))
+    scene = _scene(mesh, kernel, None if up is None else _direction(up), 0 if voxels else SAMPLES)
     if kind == ".png":
         write_png(target, scene, title=title, caption=words, size=size)
     else:
         write_html(target, [Plate(scene, title, words)])
+
+
+def _scene(mesh: TriangleMesh, kernel: Any, up: NDArray[np.float64] | None, samples: int) -> Scene:
+    """What to draw, with the star centre of a relaxed kernel."""
+    center = None
+    if getattr(kernel, "tolerance", 0.0) and not kernel.is_empty:
+        center = best_center(mesh, domain=kernel.domain).point
+    return make_scene(mesh, kernel, up=up, samples=samples, center=center)
 
 
 def _direction(up: ArrayLike) -> NDArray[np.float64]:
@@ -118,5 +132,5 @@ def interactive_page(path: str | os.PathLike[str], items: Sequence[tuple[str, An
     plates: list[Plate] = []
     for title, surface, kernel in items:
         mesh = as_mesh(surface)
-        plates.append(Plate(make_scene(mesh, kernel), title, caption_of(mesh, kernel)))
+        plates.append(Plate(_scene(mesh, kernel, None, SAMPLES), title, caption_of(mesh, kernel)))
     write_html(target, plates)

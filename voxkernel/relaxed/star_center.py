@@ -67,10 +67,10 @@ class StarCenter(Frozen):
 
     @property
     def is_at_border(self) -> bool:
-        """Whether the point lies within 0.1 % of the domain's size of the domain's border, and faces not all."""
+        """Whether the point lies within 0.5 % of the domain's size of the domain's border, and faces not all."""
         if self.domain is None or not self.violation_bounds[1]:
             return False
-        return self.border_distance < 1e-3 * float(np.ptp(self.domain.vertices, axis=0).max())
+        return self.border_distance < 5e-3 * float(np.ptp(self.domain.vertices, axis=0).max())
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything as plain numbers, ready for JSON."""

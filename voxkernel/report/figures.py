@@ -17,7 +17,7 @@ from voxkernel.report.rows import ALL_SCORES, CELL_SCORES, LABEL_SCORES, OUTCOME
 __all__ = ["write_figures"]
 
 # Of the page, apart for every kind of colour vision and in grey.
-_COLORS = dict(zip(OUTCOMES, ("#2678a8", "#e0a92e", "#b3372c", "#6c5f86"), strict=True))
+_COLORS = dict(zip(OUTCOMES, ("#2678a8", "#e0a92e", "#b3372c", "#3f4650"), strict=True))
 _LINES = (("#2678a8", "-"), ("#b3372c", "--"), ("#8a6d00", ":"), ("#4d8b31", "-."), ("#7a4fa3", (0, (5, 1, 1, 1))))
 _LINE = 6.6  # inches of a figure over the whole line
 _TITLES = {score.name: score.title for score in ALL_SCORES}

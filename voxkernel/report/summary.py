@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._npz import is_shallow, read_json
+from voxkernel._sizes import size_notes
 from voxkernel.report.kinds import kind_summary, volume_meshes
 from voxkernel.report.labels import label_summary, labels_of
 from voxkernel.report.objects import object_summary
@@ -72,6 +73,7 @@ def summarize(
         "counts": {name: counts.get(name, 0) for name in OUTCOMES},
         "failures": _failures(rows),
         "certificates": _certificates(rows),
+        "other_scale": _other_scale(own["surface"]),
         "scores": {
             s.name: _score(own[kind], s.column)
             for kind, scores in by_kind.items() for s in scores if own[kind].has(s.column)
@@ -110,6 +112,12 @@ def _certificates(rows: ReportRows) -> dict[str, Any]:
         "n_unknown": int((done & np.isnan(checked)).sum()),
         "not_verified": [_name(rows, i) for i in np.flatnonzero(done & (checked == 0.0)).tolist()],
     }
+
+
+def _other_scale(rows: ReportRows) -> list[dict[str, Any]]:
+    """Surfaces that may be in other units than the rest."""
+    notes = size_notes([None if np.isnan(size) else float(size) for size in rows.numbers["diagonal"]])
+    return [{**_name(rows, k), "note": note} for k, note in notes.items()]
 
 
 def _score(rows: ReportRows, column: str) -> dict[str, Any]:
