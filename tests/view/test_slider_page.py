@@ -130,6 +130,19 @@ def test_without_the_extra_one_line_says_so_and_a_page_is_written(no_trame, pris
     assert len(parts_of(tmp_path / "prism_view.html")[1]["sliders"][0]["steps"]) == 2
 
 
+def test_without_either_extra_the_first_is_named(no_trame, prism, monkeypatch, capsys):
+    import voxkernel._extras as extras
+
+    found = extras.find_spec
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "plotly" else found(name))
+    assert main(["view", "never-read.ply"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("voxkernel: error: `trame` is not installed; the extra `view` brings it: ")
+    assert said.count("\n") == 1
+    with pytest.raises(voxkernel.MissingExtraError, match="`trame` is not installed"):
+        prism.plot()
+
+
 def test_without_the_extra_plot_gives_the_page(no_trame, prism):
     with pytest.warns(UserWarning, match="the extra `view` brings it"):
         viewer = prism.plot(tolerances=[0.1], depth=3, browser=False)

@@ -48,23 +48,17 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--port must not be given with -o: a page has no server")
 
     from voxkernel._extras import check_installed
-    from voxkernel.errors import MissingExtraError
     from voxkernel.mesh import as_mesh
     from voxkernel.view.loopback import free_port
     from voxkernel.view.shown import gathered
     from voxkernel.view.slider_page import write_slider_page
-    from voxkernel.view.viewer import instead_of_viewer
+    from voxkernel.view.viewer import instead_of_viewer, missing_extra
 
-    missing: MissingExtraError | None = None
-    try:
-        for package in ("plotly",) if output is not None else ("trame", "trame_vtk", "pyvista"):
-            check_installed(package)
-    except MissingExtraError as error:
-        if output is not None:
-            raise
-        missing = error
+    missing = None
+    if output is not None:
         check_installed("plotly")
-    if output is None and missing is None:
+    else:
+        missing = missing_extra()
         free_port(args.port)
     with args.stage(f"reading {display(args.mesh)}"):
         mesh = as_mesh(args.mesh)

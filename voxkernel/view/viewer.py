@@ -23,7 +23,7 @@ from voxkernel.view.loopback import free_port
 from voxkernel.view.shown import Shown, gathered
 from voxkernel.view.slider_page import write_slider_page
 
-__all__ = ["Viewer", "instead_of_viewer", "open_viewer"]
+__all__ = ["Viewer", "instead_of_viewer", "missing_extra", "open_viewer"]
 
 
 class Viewer:
@@ -150,13 +150,11 @@ def open_viewer(
     http://127.0.0.1:41753/f3Vq.../
     """
     number = free_port(port)
+    missing = missing_extra()
     shown = gathered(
         surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title
     )
-    try:
-        for package in ("trame", "trame_vtk", "pyvista"):
-            check_installed(package)
-    except MissingExtraError as missing:
+    if missing is not None:
         place = Path(tempfile.mkdtemp(prefix="voxkernel-")) / "viewer.html"
         words = instead_of_viewer(missing, shown, place)
         warnings.warn(words, stacklevel=2)
@@ -164,6 +162,20 @@ def open_viewer(
             webbrowser.open(place.as_uri())
         return Viewer(place.as_uri(), None)
     return _started(shown, number, browser)
+
+
+def missing_extra() -> MissingExtraError | None:
+    """What hinders a viewer; raised where a page with a slider cannot be written either."""
+    try:
+        for package in ("trame", "trame_client", "trame_vtk", "aiohttp", "pyvista"):
+            check_installed(package)
+    except MissingExtraError as missing:
+        try:
+            check_installed("plotly")
+        except MissingExtraError:
+            raise missing from None
+        return missing
+    return None
 
 
 def instead_of_viewer(missing: MissingExtraError, shown: Shown, place: Path) -> str:
