@@ -67,7 +67,25 @@ def test_what_wants_the_mesh_is_refused(words, message, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_a_file_that_cannot_be_streamed(tmp_path, capsys):
-    (tmp_path / "a.off").write_text("OFF")
-    assert main(["kernel", str(tmp_path / "a.off"), "--stream"]) == 1
-    assert "must be a file ending in .parquet .ply .stl to be streamed" in capsys.readouterr().err
+def test_messages_name_files_and_options(tmp_path, capsys):
+    vertices, faces = shapes.tetrahedron()
+    text = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 nan 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    (tmp_path / "nan.off").write_text(text)
+    (tmp_path / "a.wrl").write_text("")
+    (tmp_path / "none").mkdir()
+    voxkernel.as_mesh((vertices, faces)).write(tmp_path / "cut.ply")
+    (tmp_path / "cut.ply").write_bytes((tmp_path / "cut.ply").read_bytes()[:-20])
+    for name, said in (
+        ("nan.off", "nan.off', chunk 0, facet 0: "),
+        ("a.wrl", "a.wrl' cannot be streamed: it must end in .glb .gltf"),
+        ("none", "none' must hold .glb or .gltf"),
+        ("missing.ply", "missing.ply' does not exist"),
+        ("missing.zarr", "missing.zarr' does not exist"),
+        ("cut.ply", "cut.ply', chunk 0, facet 2: the file ends before its 4 facets do"),
+    ):
+        for command in ("kernel", "score", "center"):
+            assert main([command, str(tmp_path / name), "--stream"]) == 1
+            found = capsys.readouterr()
+            assert said in found.out + found.err
+            assert "`source`" not in found.out + found.err
+            assert "`surface`" not in found.out + found.err

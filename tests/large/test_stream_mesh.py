@@ -1,7 +1,5 @@
 """Sources of streams: the same doubles as in memory, and every error with its chunk and facet."""
 
-import struct
-
 import numpy as np
 import pytest
 import shapes
@@ -161,6 +159,20 @@ def test_bad_facets_name_chunk_and_facet(tmp_path):
         read(parquet(tmp_path / "hole.parquet", soup), chunk_facets=5)
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_late_error_names_its_chunk(tmp_path, threads):
+    vertices, faces = shapes.spiky(3)
+    hole, late = np.concatenate([vertices, [[0, np.nan, 0]]]), faces.copy()
+    late[1000, 1] = len(vertices)
+    surface = voxkernel.stream_mesh(ply(tmp_path / "nan.ply", hole, late), chunk_facets=1)
+    with pytest.raises(MeshError, match=r"nan.ply', chunk 1000, facet 1000: `vertices` must be finite; got NaN"):
+        voxkernel.exact_kernel(surface, threads=threads)
+    late[1000, 1], late[-1, 1] = 0, len(hole)
+    surface = voxkernel.stream_mesh(ply(tmp_path / "last.ply", vertices, late), chunk_facets=7)
+    with pytest.raises(MeshError, match=r"last.ply', chunk 182, facet 1279: `faces` must hold vertex ids from"):
+        voxkernel.exact_kernel(surface, threads=threads)
+
+
 def test_files_that_end_too_early(tmp_path):
     path = ply(tmp_path / "star.ply", *STAR)
     path.write_bytes(path.read_bytes()[:-30])
@@ -184,14 +196,7 @@ def test_files_that_end_too_early(tmp_path):
         corners_of(tmp_path / "star.stl")
 
 
-def test_polygons_are_refused(tmp_path):
-    vertices, polygons = shapes.prism_polygons([(0, 0), (1, 0), (1, 1), (0, 1)])
-    head = "ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty double x\nproperty double y\n"
-    head += "property double z\nelement face 6\nproperty list uchar int vertex_index\nend_header\n"
-    body = b"".join(struct.pack("<B4i", 4, *polygon) for polygon in polygons)
-    (tmp_path / "quads.ply").write_bytes(head.encode() + vertices.tobytes() + body)
-    with pytest.raises(MeshError, match=r"chunk 0, facet 0: must be a triangle to be streamed; got 4 corners"):
-        corners_of(tmp_path / "quads.ply")
+def test_a_face_of_two_corners_is_refused(tmp_path):
     rows = np.frombuffer(ply(tmp_path / "star.ply", *STAR).read_bytes(), np.uint8).copy()
     rows[len(rows) - 13 * 4] = 2
     rows.tofile(tmp_path / "star.ply")
@@ -202,13 +207,8 @@ def test_polygons_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("ply\nformat ascii 1.0\nend_header\n", "a text file cannot be read in chunks"),
         ("ply\nformat binary_little_endian 1.0\nend_header\n", "it has no vertices or no faces"),
         ("no ply", "it does not start with 'ply'"),
-        (
-            "ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty list int int x\nend_header\n",
-            "element vertex has a list beside the corners of faces",
-        ),
         (
             "ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
             "property float z\nelement face 0\nproperty list int float vertex_index\nend_header\n",
@@ -227,15 +227,16 @@ def test_other_sources_are_refused(tmp_path):
         voxkernel.stream_mesh(3)
     with pytest.raises(ValueError, match=r"`chunk_facets` must be in 1\.\.16777216; got 0"):
         voxkernel.stream_mesh(STAR, chunk_facets=0)
-    with pytest.raises(MeshReadError, match=r"`source` must be a file ending in .parquet .ply .stl to be streamed"):
-        voxkernel.stream_mesh(tmp_path / "a.obj")
-    with pytest.raises(MeshReadError, match=r"must hold .parquet or .ply or .stl files; got none"):
+    with pytest.raises(MeshReadError, match=r"a.wrl' cannot be streamed: it must end in .glb .gltf .obj .off .par"):
+        voxkernel.stream_mesh(tmp_path / "a.wrl")
+    with pytest.raises(MeshReadError, match=r"must hold .glb or .gltf or .obj or .* or .stl or .zarr files"):
         voxkernel.stream_mesh(tmp_path)
     with pytest.raises(MeshReadError, match="`path` must be an existing file"):
         voxkernel.stream_mesh(tmp_path / "a.ply")
-    (tmp_path / "a.stl").write_text("solid a\nendsolid a\n" * 10)
-    with pytest.raises(MeshReadError, match="a text file cannot be read in chunks"):
-        voxkernel.stream_mesh(tmp_path / "a.stl")
+    with pytest.raises(ValueError, match="`edges` must be one of 'hashed', 'sorted'; got 'guessed'"):
+        voxkernel.stream_mesh(STAR, edges="guessed")
+    with pytest.raises(ValueError, match="`temporary_folder` must be an existing folder; got 'nowhere'"):
+        voxkernel.stream_mesh(STAR, temporary_folder="nowhere")
     (tmp_path / "a.parquet").write_text("no parquet")
     pytest.importorskip("pyarrow")
     with pytest.raises(MeshReadError, match="cannot be streamed"):

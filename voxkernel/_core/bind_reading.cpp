@@ -44,6 +44,7 @@ Index feed(Reader& reader, const Bytes& bytes, bool is_last) {
 
 template <typename Reader>
 auto take(Reader& reader) {
+  reader.before_take();
   return std::make_tuple(take_points(reader.found.points), take_array(reader.found.flat),
                          take_array(reader.found.sizes));
 }
@@ -72,13 +73,13 @@ void bind_reading(nb::module_& m) {
       .def("feed", &feed<ObjReader>, array("data"), nb::arg("is_last"), "Bytes used, or -1: something is unusual.")
       .def_prop_ro("is_whole", &ObjReader::is_whole, "Whether all vertices of the faces are there.")
       .def("take", &take<ObjReader>,
-           "Points (n, 3), vertex ids of all polygons, and their sizes; the reader is empty.");
+           "Points (n, 3), vertex ids of all polygons, and their sizes; the reader is empty and goes on.");
   nb::class_<StlReader>(m, "StlReader", "Reads usual text .stl files in stretches; equal corners become one vertex.")
-      .def(nb::init<>())
+      .def(nb::init<bool>(), nb::arg("is_soup") = false)
       .def("feed", &feed<StlReader>, array("data"), nb::arg("is_last"), "Bytes used, or -1: something is unusual.")
       .def_prop_ro("is_whole", &StlReader::is_whole, "Whether the last solid has ended.")
       .def("take", &take<StlReader>,
-           "Points (n, 3), vertex ids of all triangles, and their sizes; the reader is empty.");
+           "Points (n, 3), vertex ids of all triangles, and their sizes; the reader is empty and goes on.");
   nb::class_<ElementRows>(m, "ElementRows", "Reads the rows of an element of a .ply or .off file in stretches.")
       .def(
           "__init__",
@@ -94,7 +95,7 @@ void bind_reading(nb::module_& m) {
       .def("feed", &feed<ElementRows>, array("data"), nb::arg("is_last"), "Bytes used, or -1: something is unusual.")
       .def_prop_ro("rows_left", &ElementRows::rows_left, "Rows that have not come yet.")
       .def("take", &take<ElementRows>,
-           "Points (n, 3), all indices, and the sizes of their lists; the reader is empty.");
+           "Points (n, 3), all indices, and the sizes of their lists; the reader is empty and goes on.");
   m.def(
       "equal_corners",
       [](Array2<const double, 3> points) {

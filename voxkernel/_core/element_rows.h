@@ -36,6 +36,7 @@ class ElementRows {
   // Bytes used of a stretch, or kUnusual.
   Index feed(Text text, bool is_last, Stop& stop);
   Index rows_left() const { return left_; }
+  void before_take() {}
   PolygonArrays found;
 
  private:

@@ -100,7 +100,7 @@ bool ObjReader::read_corner(Text word, int& pattern) {
   if (seen != 1 && seen != 8 + 3 && seen != 16 + 5 && seen != 16 + 7) return false;
   if (pattern >= 0 && seen != pattern) return false;
   pattern = seen;
-  const Index before = found.points.size() / 3;
+  const Index before = n_points();
   if (first == 0 || first < -before) return false;
   const Index id = first > 0 ? first - 1 : before + first;
   highest_ = std::max(highest_, id);
@@ -150,14 +150,18 @@ bool StlReader::read_word(Text word, Text& text) {
   if (*wanted == '#') {
     const int k = (state_ - 1) % 4;  // corners are numbers 8 to 10, 12 to 14 and 16 to 18 of the words
     if (!parse_double(word, corner_[k])) return false;
-    if (k == 2) found.flat.push(corners_.number_of(corner_, found.points));
+    if (is_soup_) {
+      found.points.push(corner_[k]);
+    } else if (k == 2) {
+      found.flat.push(corners_.number_of(corner_, found.points));
+    }
   } else if (*wanted != '*' && !is_word(word, wanted)) {
     return false;
   }
   if (state_ < kFacetWords) {
     ++state_;
   } else {
-    found.sizes.push(3);
+    if (!is_soup_) found.sizes.push(3);
     state_ = 1;
   }
   return true;

@@ -131,10 +131,15 @@ class _TilePiece(NamedTuple):
 class Tiles:
     """Several sources as one surface; equal corners are one vertex, within a tile and across."""
 
-    def __init__(self, tiles: Sequence[Source]) -> None:
-        self.name = f"{len(tiles)} tiles"
+    def __init__(self, tiles: Sequence[Source], *, name: str = "") -> None:
+        self.name = name or f"{len(tiles)} tiles"
         self._tiles = tiles
-        self.n_facets: int | None = sum(tile.n_facets or 0 for tile in tiles)
+
+    @property
+    def n_facets(self) -> int | None:
+        """Those of all tiles, where every tile knows them."""
+        counts = [tile.n_facets for tile in self._tiles]
+        return None if None in counts else sum(n for n in counts if n is not None)
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Go from tile to tile; an error names its chunk and facet in the tile."""
@@ -146,6 +151,8 @@ class Tiles:
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64] | None:
         """Corners of some facets, if every tile knows them without a pass."""
+        if self.n_facets is None:
+            return None
         starts = np.cumsum([0, *(tile.n_facets or 0 for tile in self._tiles)])
         found = np.empty((len(facets), 3, 3))
         for tile, (low, high) in zip(self._tiles, pairwise(starts.tolist()), strict=True):

@@ -50,7 +50,11 @@ class Source(Protocol):
     """
 
     name: str
-    n_facets: int | None
+
+    @property
+    def n_facets(self) -> int | None:
+        """Triangles."""
+        ...
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """All of it, at most `size` triangles at a time."""

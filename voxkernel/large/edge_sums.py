@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from voxkernel.large.chunks import Chunk
 
-__all__ = ["EdgeSums"]
+__all__ = ["EdgeSums", "position_keys"]
 
 # Odd constants of SplitMix64 (Steele, Lea, Flood, 2014) and of MurmurHash3; two sums that have nothing in common.
 _SEEDS = (0x9E3779B97F4A7C15, 0xD1B54A32D192ED03)
@@ -54,11 +54,15 @@ def _of_ids(ids: NDArray[np.int64]) -> Words:
 
 def _of_positions(corners: NDArray[np.float64], seed: int) -> Words:
     """One number for equal positions; 0 and -0 are equal. Two positions with one number become one vertex."""
-    bits = (corners + 0.0).view(np.uint64)
-    keys = _mixed(bits[..., 0] + np.uint64(seed))
-    for k in (1, 2):
-        keys = _mixed(keys ^ bits[..., k])
-    return np.asfortranarray(keys)
+    return np.asfortranarray(position_keys((corners + 0.0).view(np.uint64), seed))
+
+
+def position_keys(words: Words, seed: int = _SEEDS[0]) -> Words:
+    """A hash of the words along the last axis."""
+    keys = _mixed(words[..., 0] + np.uint64(seed))
+    for k in range(1, words.shape[-1]):
+        keys = _mixed(keys ^ words[..., k])
+    return keys
 
 
 def _mixed(words: Words) -> Words:

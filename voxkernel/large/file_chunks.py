@@ -14,13 +14,17 @@ from voxkernel.errors import MeshReadError
 from voxkernel.large.chunks import Chunk, Piece, check_ids, pieces_of, refusal
 from voxkernel.mesh.ply import INDEX_NAMES, Element, parse_header
 
-__all__ = ["PlyFile", "StlFile"]
+__all__ = ["NotMapped", "PlyFile", "StlFile"]
 
 _LONGEST_HEADER = 1 << 20
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _STL_HEAD = 84
 _PACKED = np.dtype([(axis, np.float64) for axis in "xyz"])
-_TEXT = "a text file cannot be read in chunks (write it as binary)"
+_SCANNED = 1 << 20  # faces looked at in one go
+
+
+class NotMapped(Exception):
+    """A file that is text, or holds more than triangles of one size in a row."""
 
 
 class PlyFile:
@@ -34,10 +38,12 @@ class PlyFile:
         try:
             order, elements, at, _ = parse_header(head)
             if not order:
-                raise ValueError(_TEXT)
+                raise NotMapped
             self._place(order, elements, at, file.stat().st_size)
         except ValueError as error:
             raise MeshReadError(f"{self.name} cannot be streamed: {error}") from None
+        if self._size > self._end and self._has_polygons():
+            raise NotMapped
 
     def _place(self, order: str, elements: list[Element], at: int, size: int) -> None:
         """Find where rows of vertices and faces begin; lists stand in the rows of faces only, three long."""
@@ -45,7 +51,7 @@ class PlyFile:
         for element in elements:
             lists = [item.name for item in element.properties if item.count_dtype]
             if lists and (element.name != "face" or len(lists) > 1):
-                raise ValueError(f"element {element.name} has a list beside the corners of faces")
+                raise NotMapped
             row = np.dtype([
                 part for item in element.properties
                 for part in (
@@ -75,6 +81,17 @@ class PlyFile:
             np.memmap(self.path, vertex, "r", offset=a, shape=(n,)),
             np.memmap(self.path, face, "r", offset=b, shape=(m,)),
         )
+
+    def _has_polygons(self) -> bool:
+        """Whether, behind nothing but triangles, there is a face of more corners."""
+        at, m, row = self._faces
+        faces = np.memmap(self.path, row, "r", offset=at, shape=(m,)) if m else np.empty(0, row)
+        for first in range(0, m, _SCANNED):
+            sizes = faces["size"][first : first + _SCANNED]
+            other = np.flatnonzero(sizes != 3)
+            if len(other):
+                return int(sizes[other[0]]) > 3
+        return False
 
     def _check_end(self, chunk_size: int) -> None:
         """Refuse a file of another length than its header says, with the facet where it ends."""
@@ -144,7 +161,7 @@ class StlFile:
             head = stream.read(_STL_HEAD)
         n = int.from_bytes(head[80:], "little")
         if self._size != _STL_HEAD + _STL_ROW.itemsize * n and head.lstrip()[:5].lower() == b"solid":
-            raise MeshReadError(f"{self.name} cannot be streamed: {_TEXT}")
+            raise NotMapped
         if len(head) < _STL_HEAD:
             raise MeshReadError(f"{self.name} cannot be streamed: it ends within its first 84 bytes")
         self.n_facets: int | None = n

@@ -5,27 +5,34 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from voxkernel._checks import as_depth
+from voxkernel._checks import as_choice, as_depth
 from voxkernel.errors import MeshReadError
 from voxkernel.large.array_chunks import ArraySource, ChunkSource, ParquetFile, Tiles
 from voxkernel.large.chunks import Source
-from voxkernel.large.file_chunks import PlyFile, StlFile
+from voxkernel.large.converted_files import ConvertedFile
+from voxkernel.large.file_chunks import NotMapped, PlyFile, StlFile
+from voxkernel.large.gltf_buffers import gltf_primitives
 from voxkernel.large.streamed_surface import StreamedSurface
 from voxkernel.large.surface_reader import StreamProgress, SurfaceReader
+from voxkernel.large.zarr_facets import ZarrFacets
 
 __all__ = ["reader_of", "stream_mesh"]
 
-_SUFFIXES = (".parquet", ".ply", ".stl")
+_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".parquet", ".ply", ".stl", ".zarr")
+
+Folder = str | os.PathLike[str] | None
 
 
 def stream_mesh(
     source: Any,
     *,
     chunk_facets: int = 1 << 18,
+    edges: Literal["hashed", "sorted"] = "hashed",
+    temporary_folder: str | os.PathLike[str] | None = None,
     progress: Callable[[StreamProgress], object] | None = None,
 ) -> StreamedSurface:
     """Open a surface that need not fit in memory: it is read in chunks, as often as it takes.
@@ -33,14 +40,24 @@ def stream_mesh(
     Parameters
     ----------
     source : path, sequence of paths, (vertices, faces), iterable or callable
-        - A binary ``.ply`` or ``.stl`` file of triangles, which is mapped into memory; a ``.parquet`` file of facets,
-          a row each, in columns x0 y0 z0 x1 y1 z1 x2 y2 z2 (with pyarrow).
+        - A binary ``.ply`` or ``.stl`` file of triangles, which is mapped into memory; a ``.glb`` or ``.gltf``, whose
+          buffers are, with the triangles of its scene moved by their nodes.
+        - A text ``.ply`` or ``.stl``, an ``.obj`` or ``.off``, or one of polygons, which are cut into triangles: it is
+          read once, in stretches, into temporary files; each triangle is a facet.
+        - A ``.parquet`` file of facets, a row each, in columns x0 y0 z0 x1 y1 z1 x2 y2 z2 (with pyarrow); a ``.zarr``
+          array (n, 9) or (n, 3, 3) of the same (with zarr).
         - A folder or a sequence of such files: the tiles of one surface, in the order of their names or as given.
         - A pair of arrays (n, 3) and (m, 3), which may be mapped files.
         - A function without arguments that returns an iterator of such pairs, or a list of them; each pair has
           vertex ids of its own.
     chunk_facets : int
         Facets that are held at a time, 1 to 2**24; the results do not depend on it.
+    edges : {"hashed", "sorted"}
+        How it is decided whether the surface is closed: by hashes, see Notes; or exactly, by its edges in temporary
+        files, which take 24 bytes for each edge of a facet, 56 where facets share corners by position.
+    temporary_folder : path, optional
+        Where temporary files are made, by default where the system has them. They are gone with the process, however
+        it ends; on Linux they never have a name.
     progress : callable, optional
         Called with a `StreamProgress` after every chunk of every pass.
 
@@ -52,10 +69,10 @@ def stream_mesh(
     Raises
     ------
     MeshReadError
-        If a file is missing, no binary ``.ply`` or ``.stl``, or ends too early; some of it only when it is read.
+        If a file is missing, of another kind, or ends too early; some of it only when it is read.
     MeshError
-        If arrays have the wrong shape; when it is read, if a facet is no triangle, names a vertex that is not there,
-        or is not finite: chunk and facet are named.
+        If arrays have the wrong shape; when it is read, if a facet of arrays is no triangle, or one names a vertex that
+        is not there, or is not finite: chunk and facet are named.
     ValueError
         If `source` can be read only once, or `chunk_facets` is out of range.
     TypeError
@@ -63,10 +80,10 @@ def stream_mesh(
 
     Notes
     -----
-    Triangles of one ``.ply`` file or pair of arrays share vertices by number, as in memory. Those of ``.stl``,
-    ``.parquet``, tiles and chunks share equal corners, as ``.stl`` does in memory. Both matter only to whether the
-    surface is closed, which is decided by hashes of its edges: a closed surface is always found to be closed, an open
-    one is with a probability of 2**-128 if the hashes are as good as random numbers.
+    Triangles of one ``.ply``, ``.obj`` or ``.off`` file or pair of arrays share vertices by number, as in memory. Those
+    of ``.stl``, ``.glb``, ``.parquet``, ``.zarr``, tiles and chunks share equal corners, as ``.stl`` does in memory.
+    Both matter only to whether the surface is closed, which is decided by hashes of its edges: a closed surface is
+    always found to be closed, an open one is with a probability of 2**-128 if the hashes are as good as random numbers.
 
     Examples
     --------
@@ -78,7 +95,13 @@ def stream_mesh(
     (3, 0.166666666667)
     """
     size = as_depth("chunk_facets", chunk_facets, 1, 1 << 24)
-    return StreamedSurface(SurfaceReader(_source(source), size, progress))
+    is_sorted = as_choice("edges", edges, ("hashed", "sorted")) == "sorted"
+    if temporary_folder is not None and not os.path.isdir(temporary_folder):
+        raise ValueError(f"`temporary_folder` must be an existing folder; got {os.fspath(temporary_folder)!r}")
+    reader = SurfaceReader(
+        _source(source, temporary_folder), size, progress, is_sorted=is_sorted, folder=temporary_folder
+    )
+    return StreamedSurface(reader)
 
 
 def reader_of(surface: StreamedSurface, facets: Any) -> SurfaceReader:
@@ -88,9 +111,9 @@ def reader_of(surface: StreamedSurface, facets: Any) -> SurfaceReader:
     return surface._reader
 
 
-def _source(source: Any) -> Source:
+def _source(source: Any, folder: Folder) -> Source:
     if isinstance(source, str | os.PathLike):
-        return _of_path(Path(os.fsdecode(source)))
+        return _of_path(Path(os.fsdecode(source)), folder)
     if callable(source):
         return ChunkSource(cast("Callable[[], Iterable[Any]]", source))
     if isinstance(source, Iterator):
@@ -103,7 +126,7 @@ def _source(source: Any) -> Source:
         return ArraySource(*source)
     if isinstance(source, Iterable):
         if isinstance(source, tuple | list) and source and _are_paths(source):
-            return Tiles([_of_file(Path(os.fsdecode(path))) for path in source])
+            return Tiles([_of_file(Path(os.fsdecode(path)), folder) for path in source])
         return ChunkSource(cast("Iterable[Any]", source).__iter__)
     raise TypeError(
         "`source` must be a path, several paths, a pair (vertices, faces), an iterable of pairs or a function that "
@@ -120,18 +143,30 @@ def _is_pair(item: Any) -> bool:
     return isinstance(item, tuple | list) and len(item) == 2 and all(np.ndim(part) == 2 for part in item)
 
 
-def _of_path(path: Path) -> Source:
-    if not path.is_dir():
-        return _of_file(path)
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES and file.is_file())
+def _of_path(path: Path, folder: Folder) -> Source:
+    if not path.is_dir() or path.suffix.lower() == ".zarr":
+        return _of_file(path, folder)
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
     if not files:
         raise MeshReadError(f"'{path}' must hold {' or '.join(_SUFFIXES)} files; got none")
-    return Tiles([_of_file(file) for file in files])
+    return Tiles([_of_file(file, folder) for file in files])
 
 
-def _of_file(path: Path) -> Source:
-    kinds = {".ply": PlyFile, ".stl": StlFile, ".parquet": ParquetFile}
+def _of_file(path: Path, folder: Folder) -> Source:
     suffix = path.suffix.lower()
-    if suffix not in kinds:
-        raise MeshReadError(f"`source` must be a file ending in {' '.join(_SUFFIXES)} to be streamed; got '{path}'")
-    return kinds[suffix](path)
+    if suffix not in _SUFFIXES:
+        raise MeshReadError(f"'{path}' cannot be streamed: it must end in {' '.join(_SUFFIXES)}")
+    if suffix == ".parquet":
+        return ParquetFile(path)
+    if suffix == ".zarr":
+        return ZarrFacets(path)
+    if suffix in (".glb", ".gltf"):
+        return Tiles(gltf_primitives(path), name=f"'{path}'")
+    try:
+        if suffix == ".ply":
+            return PlyFile(path)
+        if suffix == ".stl":
+            return StlFile(path)
+    except NotMapped:
+        pass
+    return ConvertedFile(path, folder)

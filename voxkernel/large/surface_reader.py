@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ from voxkernel.halfspaces.surface_arguments import DefaultDomain
 from voxkernel.large.chunks import Chunk, Source, check_finite
 from voxkernel.large.edge_sums import EdgeSums
 from voxkernel.large.passes import HERE, Merge, Part, Place, Task, Workers
+from voxkernel.large.sorted_edges import edges_cancel
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.files import Polygons, merge_equal_corners
 
@@ -99,10 +101,17 @@ class SurfaceReader:
     """Reads triangles `chunk_facets` at a time, as often as it takes; what it finds out is kept."""
 
     def __init__(
-        self, source: Source, chunk_facets: int, progress: Callable[[StreamProgress], object] | None
+        self,
+        source: Source,
+        chunk_facets: int,
+        progress: Callable[[StreamProgress], object] | None,
+        *,
+        is_sorted: bool = False,
+        folder: str | os.PathLike[str] | None = None,
     ) -> None:
         self.chunk_facets = chunk_facets
         self._source, self._progress = source, progress
+        self._is_sorted, self._folder = is_sorted, folder
         self._kept: dict[str, object] = {}
         self._workers: Workers = HERE
 
@@ -221,6 +230,10 @@ class SurfaceReader:
 
     def _read_closed(self) -> bool:
         frame = self.facts().frame
+        if self._is_sorted:
+            cancels = edges_cancel(lambda: (chunk for _, chunk in self.chunks("closed")), self._folder)
+            spans = cancels and self.folded("closed", partial(_all_span, frame), or_)
+            return cancels and (spans or rank_of(self._exact_normals()) == 3)
         sums, spans = self.folded("closed", partial(_edges, frame), _both_edges)
         if not sums.is_zero or spans:
             return sums.is_zero

@@ -7,8 +7,9 @@ knows all of the format and names the line. What both read is the same to the la
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from voxkernel._core import ElementRows, ObjReader, StlReader
 from voxkernel.mesh.obj import PASSED_OVER
 from voxkernel.mesh.ply import INDEX_NAMES, Element, Polygons, parse_header
 
-__all__ = ["read_usual"]
+__all__ = ["PolygonParts", "read_usual", "usual_parts"]
 
 _STRETCH = 1 << 22
 _MOST_HEADER = 1 << 16
@@ -39,6 +40,24 @@ def read_usual(file: Path) -> Polygons | None:
         return None
     with file.open("rb") as stream:
         return read(_Stretches(stream), file.stat().st_size)
+
+
+class PolygonParts(NamedTuple):
+    """What a stretch of a file adds: points, vertex ids of polygons and the sizes of these; of a soup only points."""
+
+    points: NDArray[np.float64]
+    flat: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+
+def usual_parts(file: Path) -> Iterator[PolygonParts | None]:
+    """Read a file by its suffix, part by part; None where something in it is unusual, and nothing after that.
+
+    The vertex ids are those of the whole file. Text ``.stl`` is a soup: three points a triangle, and no ids.
+    """
+    parts = {".ply": _ply_parts, ".off": _off_parts, ".obj": _obj_parts, ".stl": _stl_parts}[file.suffix.lower()]
+    with file.open("rb") as stream:
+        yield from parts(_Stretches(stream))
 
 
 class _Stretches:
@@ -73,6 +92,31 @@ class _Stretches:
                 return reader.rows_left == 0
             self._read_more()
         return False
+
+    def parts(self, reader: ObjReader | StlReader) -> Iterator[PolygonParts | None]:
+        """What a reader makes of each stretch; None where it gave up, or something remains."""
+        while self._give(reader):
+            yield PolygonParts(*reader.take())
+            if self._is_last:
+                if self._left or not reader.is_whole:
+                    break
+                return
+            self._read_more()
+        yield None
+
+    def row_parts(self, reader: ElementRows) -> Iterator[PolygonParts | None]:
+        """The same up to the last row; None where a row is missing."""
+        while reader.rows_left:
+            if not self._give(reader):
+                break
+            yield PolygonParts(*reader.take())
+            if reader.rows_left and self._is_last:
+                break
+            if reader.rows_left:
+                self._read_more()
+        else:
+            return
+        yield None
 
     def _give(self, reader: _Reader) -> bool:
         used = reader.feed(np.frombuffer(self._left, np.uint8), self._is_last)
@@ -112,27 +156,79 @@ def _stl(file: _Stretches, size: int) -> Polygons | None:
     return Polygons(*reader.take()) if file.feed(reader) and reader.is_whole else None
 
 
-def _off(file: _Stretches, _: int) -> Polygons | None:
+def _obj_parts(file: _Stretches) -> Iterator[PolygonParts | None]:
+    yield from file.parts(ObjReader(sorted(PASSED_OVER)))
+
+
+def _stl_parts(file: _Stretches) -> Iterator[PolygonParts | None]:
+    yield from file.parts(StlReader(is_soup=True))
+
+
+def _off_rows(file: _Stretches) -> tuple[ElementRows, ElementRows] | None:
     head = _OFF_HEAD.match(file.start(_MOST_HEADER))
     if head is None:
         return None
     file.use(head.end())
-    n_vertices, n_faces = int(head[1]), int(head[2])
-    points = ElementRows([("f", 8, "", 0, role) for role in range(3)], n_vertices, "", "#", 1)
-    faces = ElementRows([("i", 8, "i", 8, 3)], n_faces, "", "#", _FACE_EXTRA)
+    points = ElementRows([("f", 8, "", 0, role) for role in range(3)], int(head[1]), "", "#", 1)
+    return points, ElementRows([("i", 8, "i", 8, 3)], int(head[2]), "", "#", _FACE_EXTRA)
+
+
+def _off_parts(file: _Stretches) -> Iterator[PolygonParts | None]:
+    for rows in _off_rows(file) or (None,):
+        yield from (None,) if rows is None else file.row_parts(rows)
+    if not file.rest(blank=True):
+        yield None
+
+
+def _off(file: _Stretches, _: int) -> Polygons | None:
+    rows = _off_rows(file)
+    if rows is None:
+        return None
+    points, faces = rows
     if not (file.feed_rows(points) and file.feed_rows(faces) and file.rest(blank=True)):
         return None
     return Polygons(points.take()[0], *faces.take()[1:])
 
 
 def _ply(file: _Stretches, _: int) -> Polygons | None:
+    found = _ply_rows(file)
+    if found is None:
+        return None
+    order, elements = found
+    points = np.zeros((0, 3))
+    flat, sizes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    for name, rows in elements:
+        if rows.rows_left and not file.feed_rows(rows):
+            return None
+        if name == "vertex":
+            points = rows.take()[0]
+        elif name == "face":
+            flat, sizes = rows.take()[1:]
+    return Polygons(points, flat, sizes) if file.rest(blank=not order) else None
+
+
+def _ply_parts(file: _Stretches) -> Iterator[PolygonParts | None]:
+    found = _ply_rows(file)
+    if found is None:
+        yield None
+        return
+    order, elements = found
+    for name, rows in elements:
+        for part in file.row_parts(rows):
+            if part is None or name in ("vertex", "face"):
+                yield part
+    if not file.rest(blank=not order):
+        yield None
+
+
+def _ply_rows(file: _Stretches) -> tuple[str, list[tuple[str, ElementRows]]] | None:
+    """Order of bytes, and what reads each element."""
     try:
         order, elements, size, _ = parse_header(file.start(_MOST_HEADER))
     except ValueError:
         return None
     file.use(size)
-    points = np.zeros((0, 3))
-    flat, sizes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    found: list[tuple[str, ElementRows]] = []
     for element in elements:
         roles = _roles(element)
         if roles is None:
@@ -141,14 +237,8 @@ def _ply(file: _Stretches, _: int) -> Polygons | None:
             (item.dtype[0], int(item.dtype[1]), item.count_dtype[:1], int(item.count_dtype[1:] or 0), role)
             for item, role in zip(element.properties, roles, strict=True)
         ]
-        rows = ElementRows(properties, element.n, order, "", 1)
-        if element.n and not file.feed_rows(rows):
-            return None
-        if element.name == "vertex":
-            points = rows.take()[0]
-        elif element.name == "face":
-            flat, sizes = rows.take()[1:]
-    return Polygons(points, flat, sizes) if file.rest(blank=not order) else None
+        found.append((element.name, ElementRows(properties, element.n, order, "", 1)))
+    return order, found
 
 
 def _roles(element: Element) -> list[int] | None:
