@@ -29,8 +29,9 @@ EXAMPLES = (
     "evaluate_registration.py --pairs 2 --methods kernels ransac",
     "evaluate_registration.py --data data --rows partial --only shoulders --first 100 --outcomes outcomes.jsonl",
 )
-NAMES = ("kernels", "overlap", "ransac", "kiss", "fgr", "pca", "icp", "ransac35", "ransac75", "kiss35", "kiss75")
-ROWS = ("scans", "closed", "partial", "bodies", "range", "refused")
+USUAL = ("kernels", "overlap", "ransac", "kiss", "fgr", "pca", "icp")
+NAMES = (*USUAL, "ransac35", "ransac75", "kiss35", "kiss75", "kissgicp")
+ROWS = ("scans", "closed", "partial", "bodies", "range", "refused", "sizes")
 SUCCESS_DEG, SUCCESS_SHARE = 2.0, 0.01
 
 
@@ -168,11 +169,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--pairs", type=tool.positive, default=10, metavar="N", help="pairs in every row; 10 by default"
     )
     parser.add_argument(
-        "--methods", nargs="+", choices=NAMES, default=list(NAMES[:7]), metavar="M", help=", ".join(NAMES)
+        "--methods", nargs="+", choices=NAMES, default=list(USUAL), metavar="M", help=", ".join(NAMES)
     )
     parser.add_argument("-o", "--output", metavar="TABLE.md")
     parser.add_argument("--json", metavar="RAW.json", help="every outcome")
-    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS), metavar="R", help=", ".join(ROWS))
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS[:-1]), metavar="R", help=", ".join(ROWS))
     parser.add_argument("--only", nargs="+", metavar="WORD", help="pairs whose row holds one of the words")
     parser.add_argument(
         "--first", type=int, default=0, metavar="K",
@@ -190,7 +191,7 @@ def _wanted(row: str, words: list[str] | None) -> bool:
 
 def _run(args: argparse.Namespace) -> int:
     from registration_pairs import closed_pairs, formula_pairs, scan_pairs
-    from registration_rows import body_rows, partial_rows, range_rows, refused_rows
+    from registration_rows import body_rows, partial_rows, range_rows, refused_rows, size_rows
 
     data = None if args.data is None else Path(args.data)
     if data is not None and not (data / "scans" / "ground_truth.json").exists():
@@ -204,7 +205,7 @@ def _run(args: argparse.Namespace) -> int:
     else:
         makers = {
             "scans": scan_pairs, "closed": closed_pairs, "partial": partial_rows, "bodies": body_rows,
-            "range": range_rows, "refused": refused_rows,
+            "range": range_rows, "refused": refused_rows, "sizes": size_rows,
         }  # fmt: skip
         outcomes: list[Outcome] = []
         for name in args.rows:

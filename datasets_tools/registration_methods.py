@@ -133,13 +133,33 @@ def peer(start: Callable[[Any, Any, float], Any]) -> Callable[[Pair], Found]:
 
 def start_kiss(source: Any, target: Any, extent: float, cells: int = 50) -> Any:
     """KISS-Matcher with a voxel of 1/50 of the diagonal and the rest as it comes."""
+    import numpy as np
+
+    return kiss_motion(np.asarray(source.points), np.asarray(target.points), extent / cells)
+
+
+def kiss_motion(source: Any, target: Any, voxel: float) -> Any:
+    """The motion that KISS-Matcher finds between two arrays of points."""
     import kiss_matcher
     import numpy as np
 
-    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(extent / cells))
-    clouds = (np.asarray(c.points, dtype=np.float32) for c in (source, target))
-    found = matcher.estimate(*clouds)
+    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(voxel))
+    found = matcher.estimate(source.astype(np.float32), target.astype(np.float32))
     return motion(np.array(found.rotation), np.array(found.translation).ravel())
+
+
+def kiss_and_gicp(pair: Pair) -> Found:
+    """KISS-Matcher, then `small_gicp` with clouds thinned to 1/200 of the diagonal and a reach of 1/60; no normals."""
+    import numpy as np
+    import small_gicp
+
+    extent = float(np.linalg.norm(np.ptp(pair.source[0], axis=0)))
+    first = kiss_motion(pair.source[0], pair.target[0], extent / 50)
+    end = small_gicp.align(
+        pair.target[0], pair.source[0], init_T_target_source=first, registration_type="GICP",
+        downsampling_resolution=extent / 200, max_correspondence_distance=extent / 60, num_threads=1,
+    )  # fmt: skip
+    return Found(first, np.array(end.T_target_source))
 
 
 def by_register(**options: Any) -> Callable[[Pair], Found]:
@@ -166,6 +186,7 @@ METHODS: dict[str, tuple[str, Callable[[Pair], Found]]] = {
     "kiss": ("KISS-Matcher", peer(start_kiss)),
     "kiss35": ("KISS-Matcher, voxel 1/35", peer(partial(start_kiss, cells=35))),
     "kiss75": ("KISS-Matcher, voxel 1/75", peer(partial(start_kiss, cells=75))),
+    "kissgicp": ("KISS-Matcher + GICP", kiss_and_gicp),
     "fgr": ("FPFH + FGR", peer(start_fast_global)),
     "pca": ("PCA + ICP", peer(start_pca)),
     "icp": ("ICP", peer(start_nothing)),

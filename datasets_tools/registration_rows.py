@@ -93,4 +93,17 @@ def range_rows(data: Path, most: int, first: int = 0) -> Iterator[Pair]:
             yield replace(pair, row=f"range scans, overlap {word}")
 
 
+def size_rows(data: Path, count: int, first: int = 0) -> Iterator[Pair]:
+    """A face on its scan, every facet cut in four until there are enough; for seconds."""
+    import numpy as np
+
+    truth = json.loads((data / "scans" / "ground_truth.json").read_text())["scans"]
+    name, entry = list(truth.items())[2]
+    face, scan = arrays(data / entry["reference"]), arrays(data / "scans" / name)
+    for least in (1, 40_000, 100_000, 400_000)[:count]:
+        source, target = divided(face, least), divided(scan, least)
+        row = f"{len(source[1]):,} and {len(target[1]):,} facets"
+        yield posed(row, first, source, target, np.array(entry["T_ref_to_scan"]))
+
+
 ROWS: dict[str, Any] = {"partial": partial_rows, "bodies": body_rows, "refused": refused_rows}
