@@ -56,7 +56,7 @@ print(kernel.dimension, len(kernel.vertices), len(kernel.face_facets))
 @pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_convex_surface_all_of_whose_facets_bound_its_kernel(threads):
-    """At most 200 bytes a facet, of which 112 are kept; 24 MB for the stack of a thread and the like."""
+    """At most 200 bytes a facet, half of which are kept; 24 MB for the stack of a thread and the like."""
     out = run(
         f"""
 import shapes
@@ -73,13 +73,13 @@ print(len(voxkernel.exact_kernel(mesh, threads={threads}).face_facets))
 @pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2])
 def test_planes_all_of_which_bound_the_kernel(threads):
-    """Each face has six corners and each corner three numbers and three rows: 160 bytes a face are the result."""
+    """At most 200 bytes a plane; each face has six corners, each corner three numbers and three rows: 112 are kept."""
     out = run(
         f"""
 normals = np.random.default_rng(0).normal(size=(300_000, 3))
 planes = HalfSpaces.from_planes(normals, np.linalg.norm(normals, axis=1))
 voxkernel.exact_kernel(HalfSpaces.from_planes(normals[:9000], np.ones(9000)))
-leave(270 * len(planes) + 24_000_000)
+leave(200 * len(planes) + 24_000_000)
 print(len(voxkernel.exact_kernel(planes, threads={threads}).face_facets))
 """
     )

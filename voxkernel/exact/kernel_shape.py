@@ -38,6 +38,8 @@ _ROUNDING = 1e-8
 _FEW = 24
 # Below this the hull is found sooner than a convex surface is recognised.
 _SMALL = 100
+# Above this a sample of so many facets says whether a surface may be convex, before culling.
+_MANY, _SAMPLE = 3000, 64
 
 
 class Shape(NamedTuple):
@@ -72,13 +74,16 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility, *, threads: int = 1) ->
     whoever objects is put back, until nobody does.
     """
     point = inner_point(planes, inside)
-    rows = relevant_rows(planes, point, inside.working_set, threads=threads)
-    if 2 * len(rows) > len(planes) > _SMALL:
+    seems_convex = len(planes) > _MANY and _seems_convex(planes)
+    rows = None if seems_convex else relevant_rows(planes, point, inside.working_set, threads=threads)
+    if rows is None or 2 * len(rows) > len(planes) > _SMALL:
         convex = convex_surface(planes, point, threads=threads)
         if convex is not None:
             shape = _float_shape(planes, convex, inside)
             if shape.is_accurate:
                 return shape
+    if rows is None:
+        rows = relevant_rows(planes, point, inside.working_set, threads=threads)
     while True:
         solid = polyhedron_around(planes, point, rows, threads=threads)
         if solid is not None:
@@ -92,6 +97,15 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility, *, threads: int = 1) ->
             rows = np.arange(len(planes))
     shape = _float_shape(planes, solid, inside)
     return shape if shape.is_accurate else _exact_shape(planes, solid, shape)
+
+
+def _seems_convex(planes: HalfSpaces) -> bool:
+    """Whether no corner of some facets is clearly in front of another: then it is worth a look before any culling."""
+    if not (planes.is_triangulation and planes.bounds_volume):
+        return False
+    some = np.arange(0, len(planes), len(planes) // _SAMPLE)
+    corners = planes.to_local(planes.vertices[planes.corner_ids()[some, 0]])
+    return bool((planes.local_normals[some] @ corners.T <= planes.local_offsets[some, None] + 1e-9).all())
 
 
 def _missing_rows(
