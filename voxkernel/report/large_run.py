@@ -49,5 +49,6 @@ def write_whole_table(page: Path, index: RunIndex) -> Path:
     with whole_file(path) as stream, writer_of(stream, schema(), compression="zstd") as writer:
         for table in index.parts():
             writer.write_table(table, row_group_size=_GROUP)
+            del table  # before the next one is read
             optional("pyarrow").default_memory_pool().release_unused()
     return path

@@ -114,16 +114,22 @@ def write_report(
         raise FileNotFoundError(f"`path` must be in an existing folder; got '{target}'")
     where = os.fspath(run)
     heading = title if title is not None else _name_of(where)
+    options = (where, heading, star_labels, classes, compare, n_views, n_worst, int(max_megabytes * 1e6))
     with closing(open_run_index(where)) as index:
-        return _written(
-            target, kind, index, where, heading, star_labels, classes, compare, n_views, n_worst,
-            int(max_megabytes * 1e6),
-        )  # fmt: skip
+        if kind != "html" or len(index) <= MOST_ROWS:
+            return _written(target, kind, index, None, *options)
+        beside = write_whole_table(target, index)  # while no column is in memory
+        try:
+            return _written(target, kind, index, beside, *options)
+        except BaseException:
+            beside.unlink()
+            raise
 
 
 def _written(
-    target: Path, kind: Format, index: RunIndex, where: str, heading: str, star_labels: Sequence[str] | None,
-    classes: Sequence[str] | None, compare: str | os.PathLike[str] | None, n_views: int, n_worst: int, max_bytes: int,
+    target: Path, kind: Format, index: RunIndex, beside: Path | None, where: str, heading: str,
+    star_labels: Sequence[str] | None, classes: Sequence[str] | None, compare: str | os.PathLike[str] | None,
+    n_views: int, n_worst: int, max_bytes: int,
 ) -> dict[str, Any]:  # fmt: skip
     from voxkernel.report.summary import read_left_out, summarize
 
@@ -145,11 +151,9 @@ def _written(
         figures = write_figures(target, rows, summary)
         text = render_latex(summary, title=heading, figures=figures)
     else:
-        shown, beside = rows, ""
-        if rows.n > MOST_ROWS:
-            shown = _part(rows, index, rows_to_show(rows, MOST_ROWS))
-            beside = write_whole_table(target, index).name
-        text = _page(rows, shown, beside, summary, where, heading, star_labels, n_views, max_bytes)
+        shown = rows if beside is None else _part(rows, index, rows_to_show(rows, MOST_ROWS))
+        name = "" if beside is None else beside.name
+        text = _page(rows, shown, name, summary, where, heading, star_labels, n_views, max_bytes)
     with whole_file(target) as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
     return document
