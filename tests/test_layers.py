@@ -15,8 +15,8 @@ from voxkernel._extras import EXTRAS
 PACKAGE = Path(voxkernel.__file__).parent
 # Top to bottom: a row imports from rows above it, and one that has words beside it from those and the ground only.
 GROUND = (
-    "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_frozen", "_plain", "_input_file",
-    "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml",
+    "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_frozen", "_plain", "_sizes",
+    "_input_file", "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml",
 )  # fmt: skip
 FOLDERS = {
     "mesh": None,
