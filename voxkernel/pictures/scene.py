@@ -64,6 +64,10 @@ class Scene(Frozen):
     center_name: str
     is_smooth: bool  # of the kernel: a level surface, not faces or voxels
 
+    def __repr__(self) -> str:
+        """Count what is drawn."""
+        return f"Scene({len(self.faces)} triangles, kernel of {len(self.kernel_faces)})"
+
     @property
     def kernel_color(self) -> str:
         """Orange for an exact kernel, purple for a relaxed one."""
