@@ -11,6 +11,7 @@ import pyvista
 
 import voxkernel
 from voxkernel.demo_shapes import comet
+from voxkernel.pictures import level_surface
 
 mesh = comet()
 print(voxkernel.exact_kernel(mesh))
@@ -31,12 +32,14 @@ profile = voxkernel.defect_profile(mesh, depth=6)
 # %%
 # The picture
 # -----------
+# The surfaces on which the violation reaches alpha, contoured on a grid; certain are the voxels of each grid.
 views = []
 for grid in grids:
     plotter = pyvista.Plotter(off_screen=True, window_size=(760, 620))
     plotter.set_background("white")
     plotter.add_mesh(mesh.to_polydata(), color="#7fb0e6", opacity=0.28, smooth_shading=True)
-    plotter.add_mesh(grid.to_mesh().to_polydata(), color="#a34a9c", ambient=0.3, specular=0.2)
+    level = pyvista.PolyData.from_regular_faces(*level_surface(mesh, grid))
+    plotter.add_mesh(level, color="#a34a9c", smooth_shading=True, ambient=0.3, specular=0.2)
     plotter.view_vector((0.25, -0.5, 1.0), (0, 1, 0))
     plotter.camera.zoom(1.35)
     plotter.enable_anti_aliasing("ssaa")

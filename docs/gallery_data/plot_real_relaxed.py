@@ -13,6 +13,7 @@ import numpy as np
 import pyvista
 
 import voxkernel
+from voxkernel.pictures import level_surface
 
 data = Path(os.environ["VOXKERNEL_DATA"])
 mesh = voxkernel.as_mesh(data / "scans" / "scan_ict01_neutral.ply")
@@ -42,7 +43,8 @@ plotter.set_background("white", all_renderers=True)
 for column, grid in enumerate(grids):
     plotter.subplot(0, column)
     plotter.add_mesh(mesh.to_polydata(), color="#7fb0e6", opacity=0.7, ambient=0.2)
-    plotter.add_mesh(grid.to_mesh().to_polydata(), color="#a34a9c", ambient=0.3)
+    level = pyvista.PolyData.from_regular_faces(*level_surface(mesh, grid))
+    plotter.add_mesh(level, color="#a34a9c", smooth_shading=True, ambient=0.3)
     plotter.add_text(f"alpha = {grid.tolerance:.3f}", font_size=15, color="#1d2733")
     plotter.view_vector(0.45 * ahead + 0.88 * np.cross(up, ahead), up)
     plotter.camera.zoom(1.35)

@@ -19,7 +19,7 @@ from voxkernel.cli import main as cli
 from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.inputs import Item, Labels, content_hash, count_suffixes, find_items, labelled, read_labels
-from voxkernel.evaluation.settings import FEW, settings_hash
+from voxkernel.evaluation.settings import FEW, for_files, settings_hash
 
 ONE = EvaluateSettings(workers=1)
 MADE = {
@@ -268,13 +268,13 @@ def test_settings_that_decide_rows_are_told_apart():
 def test_pictures_that_nobody_asked_for_are_of_small_runs(monkeypatch, meshes):
     left_open = EvaluateSettings(thumbnails=None)
     assert settings_hash(left_open) == settings_hash(EvaluateSettings())
-    assert left_open.for_files(FEW).thumbnails is None
-    assert left_open.for_files(FEW + 1).thumbnails is False
-    assert EvaluateSettings(thumbnails=True).for_files(FEW + 1).thumbnails is True
+    assert for_files(left_open, FEW).thumbnails is None
+    assert for_files(left_open, FEW + 1).thumbnails is False
+    assert for_files(EvaluateSettings(thumbnails=True), FEW + 1).thumbnails is True
     cube = str(meshes / "solids" / "cube.ply")
     assert analyse(cube, left_open, name="x").rows[0]["thumbnail"] == "thumbnails/x.png"
     monkeypatch.setattr("voxkernel.evaluation.settings.find_spec", lambda _: None)
-    assert analyse(cube, left_open.for_files(1), name="x").rows[0]["thumbnail"] == ""
+    assert analyse(cube, for_files(left_open, 1), name="x").rows[0]["thumbnail"] == ""
 
 
 # ---------------------------------------------------------------- parts of the table

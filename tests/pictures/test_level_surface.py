@@ -25,7 +25,7 @@ def torus():
 
 def test_the_contour_lies_where_the_violation_reaches_the_tolerance(torus):
     mesh, kernel = torus
-    vertices, faces = level_surface(mesh, kernel, samples=24)
+    vertices, faces = level_surface(mesh, kernel, resolution=24)
     assert len(faces) > 200
     # Half of the points of a smooth level surface are a little inside, half a little outside.
     inside = violation(mesh, vertices) <= kernel.tolerance
@@ -39,7 +39,7 @@ def test_the_contour_is_closed_and_stays_in_the_domain(torus):
     mesh = as_mesh(shapes.height_field(n=6))
     kernel = voxel_kernel(mesh, tolerance=0.3, depth=5)
     assert is_cut_by_domain(kernel, kernel.to_mesh().vertices)
-    vertices, faces = level_surface(mesh, kernel, samples=24)
+    vertices, faces = level_surface(mesh, kernel, resolution=24)
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
     step = float(np.ptp(vertices, axis=0).max()) / 24
@@ -47,9 +47,20 @@ def test_the_contour_is_closed_and_stays_in_the_domain(torus):
     assert beyond < 0.5 * step
 
 
+def test_what_cannot_be_contoured(torus):
+    mesh, kernel = torus
+    with pytest.raises(ValueError, match="`kernel` must be relaxed, with a tolerance above 0; got an exact one"):
+        level_surface(mesh, voxel_kernel(mesh, depth=3))
+    with pytest.raises(ValueError, match="`resolution` must be "):
+        level_surface(mesh, kernel, resolution=1)
+    empty = voxel_kernel(mesh, tolerance=0.01, depth=4)
+    assert empty.is_empty
+    assert [len(part) for part in level_surface(mesh, empty)] == [0, 0]
+
+
 def test_voxels_on_request(torus):
     mesh, kernel = torus
-    smooth, blocks = make_scene(mesh, kernel, samples=20), make_scene(mesh, kernel, samples=0)
+    smooth, blocks = make_scene(mesh, kernel, resolution=20), make_scene(mesh, kernel, resolution=0)
     assert smooth.is_smooth
     assert not blocks.is_smooth
     np.testing.assert_array_equal(blocks.kernel_vertices, kernel.to_mesh().vertices)

@@ -20,7 +20,7 @@ EXAMPLES = (
     "voxkernel report run/ -o report.html",
     "voxkernel report run/ -o report.html --views 40 --star-label convex --star-label star",
     "voxkernel report run/ -o report.html --compare run_of_last_week/",
-    "voxkernel report run/ -o report.html --classes 'nearly star-shaped: defect<0.01; far from it: defect>=0.1'",
+    "voxkernel report run/ -o report.html --classes 'nearly:defect<0.01;far:defect>=0.1'",
     "voxkernel report run/ -o paper/results.tex",
     "voxkernel report run/ --markdown > summary.md",
     "voxkernel report run/ --json > summary.json",

@@ -21,7 +21,13 @@ from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.resume import COLUMNS as RESUMED
 from voxkernel.evaluation.resume import count_rows, resumed
 from voxkernel.evaluation.run_lock import locked_run
-from voxkernel.evaluation.settings import PROFILE_TOLERANCES, EvaluateSettings, settings_hash, versions_text
+from voxkernel.evaluation.settings import (
+    PROFILE_TOLERANCES,
+    EvaluateSettings,
+    for_files,
+    settings_hash,
+    versions_text,
+)
 from voxkernel.evaluation.store import RunStore
 from voxkernel.evaluation.worker import Analyse
 
@@ -164,7 +170,7 @@ def run_evaluation(
     )
     if not items:
         raise BadInput(f"`paths` must lead to at least one mesh; got {', '.join(map(str, paths)) or 'none'}")
-    settings = settings.for_files(len(items))
+    settings = for_files(settings, len(items))
     left_out = count_suffixes(others, run=run)
     fs, run_path = run_table.open_run(run)
     with locked_run(fs, run_path) as is_locked:

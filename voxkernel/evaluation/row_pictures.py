@@ -19,7 +19,7 @@ __all__ = ["pictures"]
 
 _SIZE = (240, 180)
 _VIEW_FACES = 5000
-_SAMPLES = 28  # along a relaxed kernel
+_RESOLUTION = 28  # along a relaxed kernel
 _MARGIN = 0.02  # above the smallest violation: a relaxed kernel large enough to be seen
 
 
@@ -36,7 +36,7 @@ def pictures(
         kernel = voxel_kernel(
             mesh, tolerance=tolerance, depth=settings.depth, domain=settings.domain, frame="principal"
         )
-    scene = make_scene(mesh, kernel, samples=_SAMPLES)
+    scene = make_scene(mesh, kernel, resolution=_RESOLUTION)
     files: dict[str, bytes] = {}
     if settings.thumbnails is not False:
         files[f"thumbnails/{name}.png"] = _thumbnail(scene)

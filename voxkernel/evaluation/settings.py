@@ -14,7 +14,9 @@ from voxkernel._notebook import InNotebooks
 from voxkernel._plain import json_text
 from voxkernel.labels.label_stars import as_ray_counts
 
-__all__ = ["FEW", "PROFILE_TOLERANCES", "EvaluateSettings", "settings_hash", "settings_text", "versions_text"]
+__all__ = [
+    "FEW", "PROFILE_TOLERANCES", "EvaluateSettings", "for_files", "settings_hash", "settings_text", "versions_text",
+]  # fmt: skip
 
 FEW = 200  # files, of which pictures are drawn unasked
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
@@ -145,12 +147,6 @@ class EvaluateSettings(InNotebooks):
             raise ValueError(f"`memory_limit` must be at least 256 MiB; got {self.memory_limit!r}")
         return limit
 
-    def for_files(self, n: int) -> EvaluateSettings:
-        """Decide whether pictures are drawn of so many files, where that was left open."""
-        if self.thumbnails is None and (n > FEW or not all(find_spec(package) for package in ("pyvista", "PIL"))):
-            return replace(self, thumbnails=False)
-        return self
-
     def of_results(self) -> dict[str, Any]:
         """Give the settings that decide what is in a row."""
         values = {name: getattr(self, name) for name in _RESULTS}
@@ -159,6 +155,13 @@ class EvaluateSettings(InNotebooks):
             del values["guards"]
         spacing = None if self.spacing is None else list(self.spacing)
         return {**values, "tolerances": list(self.tolerances), "n_rays": list(self.n_rays), "spacing": spacing}
+
+
+def for_files(settings: EvaluateSettings, n: int) -> EvaluateSettings:
+    """Decide whether pictures are drawn of so many files, where that was left open."""
+    if settings.thumbnails is None and (n > FEW or not all(find_spec(package) for package in ("pyvista", "PIL"))):
+        return replace(settings, thumbnails=False)
+    return settings
 
 
 def settings_text(settings: EvaluateSettings) -> str:

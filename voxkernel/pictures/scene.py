@@ -15,7 +15,7 @@ from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
 from voxkernel.pictures.domain_outline import domain_outline, is_cut_by_domain
-from voxkernel.pictures.level_surface import level_surface
+from voxkernel.pictures.level_surface import RESOLUTION, level_surface
 
 __all__ = ["CENTER", "DOMAIN", "KERNEL", "LINE", "RELAXED", "SURFACE", "WITNESS", "Scene", "caption_of", "make_scene"]
 
@@ -24,7 +24,6 @@ RELAXED = "#a34a9c"  # apart from the orange of exact kernels for every kind of 
 CENTER, DOMAIN = "#ffe14d", "#26323e"
 _KERNEL_LINE, _RELAXED_LINE = "#7a3300", "#4b1b48"
 
-SAMPLES = 48  # along a relaxed kernel
 _CENTER_NAMES = ("deepest point", "star centre")
 
 # Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
@@ -65,6 +64,10 @@ class Scene(Frozen):
     center_name: str
     is_smooth: bool  # of the kernel: a level surface, not faces or voxels
 
+    def __repr__(self) -> str:
+        """Count what is drawn."""
+        return f"Scene({len(self.faces)} triangles, kernel of {len(self.kernel_faces)})"
+
     @property
     def kernel_color(self) -> str:
         """Orange for an exact kernel, purple for a relaxed one."""
@@ -93,12 +96,12 @@ class Scene(Frozen):
 
 
 def make_scene(
-    mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | None = None, samples: int = SAMPLES,
+    mesh: TriangleMesh, kernel: Any, *, up: NDArray[np.float64] | None = None, resolution: int = RESOLUTION,
     center: NDArray[np.float64] | None = None,
 ) -> Scene:  # fmt: skip
     """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None, `up` a unit vector or None.
 
-    A relaxed kernel is contoured with so many `samples`; 0 shows its voxels. `center` is the point to mark; of a
+    A relaxed kernel is contoured with that `resolution`; 0 shows its voxels. `center` is the point to mark; of a
     polytope the deepest one by default.
     """
     corners = mesh.vertices[mesh.faces]
@@ -108,8 +111,8 @@ def make_scene(
     points, triangles, edges = _kernel_parts(kernel)
     cut = kernel.domain if kernel is not None and is_cut_by_domain(kernel, points) else None
     is_smooth = False
-    if tolerance and samples and len(points):
-        smooth = level_surface(mesh, kernel, samples=samples)
+    if tolerance and resolution and len(points) and kernel is not None:
+        smooth = level_surface(mesh, kernel, resolution=resolution)
         is_smooth = len(smooth[1]) > 0  # a kernel thinner than the samples is shown as its voxels
         if is_smooth:
             points, triangles = smooth

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_path
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.pictures.interactive_html import Plate, write_html
+from voxkernel.pictures.level_surface import RESOLUTION
 from voxkernel.pictures.parts import check_picture
 from voxkernel.pictures.png import write_png
-from voxkernel.pictures.scene import SAMPLES, Scene, caption_of, make_scene
+from voxkernel.pictures.scene import Scene, caption_of, make_scene
 from voxkernel.pictures.sphere_picture import sphere_picture
 from voxkernel.relaxed import best_center
 
@@ -84,19 +85,19 @@ def surface_picture(
         raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
     mesh = as_mesh(surface)
     words = caption_of(mesh, kernel) if caption is None else caption
-    scene = _scene(mesh, kernel, None if up is None else _direction(up), 0 if voxels else SAMPLES)
+    scene = _scene(mesh, kernel, None if up is None else _direction(up), 0 if voxels else RESOLUTION)
     if kind == ".png":
         write_png(target, scene, title=title, caption=words, size=size)
     else:
         write_html(target, [Plate(scene, title, words)])
 
 
-def _scene(mesh: TriangleMesh, kernel: Any, up: NDArray[np.float64] | None, samples: int) -> Scene:
+def _scene(mesh: TriangleMesh, kernel: Any, up: NDArray[np.float64] | None, resolution: int) -> Scene:
     """What to draw, with the star centre of a relaxed kernel."""
     center = None
     if getattr(kernel, "tolerance", 0.0) and not kernel.is_empty:
         center = best_center(mesh, domain=kernel.domain).point
-    return make_scene(mesh, kernel, up=up, samples=samples, center=center)
+    return make_scene(mesh, kernel, up=up, resolution=resolution, center=center)
 
 
 def _direction(up: ArrayLike) -> NDArray[np.float64]:
@@ -132,5 +133,5 @@ def interactive_page(path: str | os.PathLike[str], items: Sequence[tuple[str, An
     plates: list[Plate] = []
     for title, surface, kernel in items:
         mesh = as_mesh(surface)
-        plates.append(Plate(_scene(mesh, kernel, None, SAMPLES), title, caption_of(mesh, kernel)))
+        plates.append(Plate(_scene(mesh, kernel, None, RESOLUTION), title, caption_of(mesh, kernel)))
     write_html(target, plates)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel.guarding.colored_ply import piece_color
-from voxkernel.pictures.silent_vtk import silent_vtk
 from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene, make_scene
+from voxkernel.pictures.silent_vtk import silent_vtk
 from voxkernel.view.shown import Shown
 
 __all__ = ["HIDDEN", "PROOF", "Stage"]
