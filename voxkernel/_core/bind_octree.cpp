@@ -69,10 +69,10 @@ void bind_octree(nb::module_& m) {
       array("numbers"), array("weights"), nb::arg("level"), array("codes"), nb::arg("below"), array("sums"),
       array("bricks"), stop_argument(),
       "Add to `sums` what planes violate of open cells of the unit cube, and of their descendants.\n\n"
-      "`numbers` are normal, reach, value at the centre of the cube. `codes` name the open cells of `level`, ascending:\n"
-      "three bits a level, x before y before z. `sums` has pairs (certain, possible): for each open cell its own, then\n"
-      "those of its descendants, level by level, down to `below`. Unless `bricks` is empty, the last of them are bricks\n"
-      "of 8^3 voxels, and 512 certain and 512 possible sums of each are added there; entry 64 z + 8 x + y.");
+      "`numbers` are normal, reach, value at the centre of the cube. `codes` name open cells of `level`, ascending,\n"
+      "three bits a level, x before y before z. `sums` has pairs (certain, possible): of each open cell, then of its\n"
+      "descendants, level by level, down to `below`. Unless `bricks` is empty, the last of them are bricks of 8^3\n"
+      "voxels, and 512 certain and 512 possible sums of each are added there; entry 64 z + 8 x + y.");
 }
 
 }  // namespace voxkernel

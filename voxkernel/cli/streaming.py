@@ -22,7 +22,7 @@ def add_stream(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--stream",
         action="store_true",
-        help="read in chunks what memory does not hold: .ply .stl .obj .off .glb .gltf .parquet .zarr, a folder of them",
+        help="read in chunks what exceeds memory: .ply .stl .obj .off .glb .gltf .parquet .zarr, a folder of them",
     )
 
 
