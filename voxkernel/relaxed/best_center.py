@@ -146,7 +146,7 @@ def _searched(
     for levels in _COARSE_LEVELS if is_coarse else _LEVELS:
         unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
         # One unit more than is known lets the centre of a cell win over a seed on the surface.
-        reached, lower, count = least_violated(
+        reached, lower, count, is_over = least_violated(
             *arrays, blur, best + 1, close, ratio, levels, MAX_CELLS, unit, open_cell
         )
         n_cells += count
@@ -159,7 +159,7 @@ def _searched(
         flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
         if flat is not None and flat[1] < best:
             point, best = flat
-        if best - lower <= max(close, int(ratio * best)) or count >= MAX_CELLS:
+        if best - lower <= max(close, int(ratio * best)) or is_over:
             break
     return point, best, min(lower, best), n_cells
 
