@@ -1,7 +1,7 @@
 """`best_center` on large surfaces by formula: its bounds, CPU time, and memory beyond the half-spaces.
 
-Run with `python tests/benchmarks/center_bounds.py --facets 100000 --json FILE`; `beside_another.py` tells how to run the
-same of another version. Each shape is measured in a process of its own.
+Run with `python tests/benchmarks/center_bounds.py --facets 100000 --json FILE`; with
+`PYTHONPATH` at another checkout it measures that version. Each shape is measured in a process of its own.
 """
 
 import argparse
