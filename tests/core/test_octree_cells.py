@@ -177,7 +177,7 @@ def test_least_violated(n):
     weights = np.full(len(rows), UNITS // len(rows))
     center, cell = np.full(3, np.nan), np.full(4, np.nan)
     pads = np.full(len(rows), 1e-14)
-    best, lower, n_cells = least_violated(
+    best, lower, n_cells, _ = least_violated(
         normals, offsets, reach_of(normals), pads, weights, 0, 1e-15, UNITS, UNITS // 100, 0.0, 10, 10**6, center, cell
     )
     assert 0 <= lower <= best <= UNITS
@@ -187,11 +187,31 @@ def test_least_violated(n):
     assert best - lower <= UNITS // 100 or not np.isnan(cell).any()
 
 
+def test_least_violated_visits_the_best_cells_first():
+    """More cells never loosen the lower bound; few prove more than all cells of a level do, of which there are more."""
+    rows = [(a, b, c, d - 25) for a, b, c, d in many_planes(1200)]
+    normals, offsets = unit_planes(rows)
+    reach, pads, weights = reach_of(normals), np.full(len(rows), 1e-14), np.ones(len(rows), np.int64)
+    found = [
+        least_violated(
+            normals, offsets, reach, pads, weights, 0, 1e-15, len(rows), 1, 0.0, 10, most, np.empty(3), np.empty(4)
+        )
+        for most in (9, 99, 999, 4000, 10**7)
+    ]
+    lower = [low for _, low, *_ in found]
+    assert lower == sorted(lower)
+    assert lower[-1] <= min(best for best, *_ in found)
+    assert [is_over for *_, is_over in found] == [True] * 4 + [False]
+    centers = (np.stack(np.indices((16,) * 3), axis=-1).reshape(-1, 3) + 0.5) / 16
+    sure = (centers @ normals.T - offsets > reach / 32).sum(axis=1)
+    assert lower[3] > sure.min()
+
+
 def test_least_violated_stays_in_the_domain():
     """The half-space z <= 1/8 has no weight but counts; the one plane asks for z >= 7/8."""
     normals, offsets = unit_planes([(0, 0, 1, 1), (0, 0, -1, -7)])
     center, cell = np.full(3, np.nan), np.full(4, np.nan)
-    best, lower, _ = least_violated(
+    best, lower, *_ = least_violated(
         normals, offsets, reach_of(normals), np.full(2, 1e-14), np.array([1, UNITS]), 1, 1e-15, UNITS + 1, 0, 0.0, 8,
         10**6, center, cell,
     )  # fmt: skip

@@ -15,7 +15,7 @@ void bind_violation(nb::module_& m) {
           return least_violated({rows(normals), span(offsets), span(reach), span(pads), span(weights), n_domain}, blur,
                                 best, {gap, ratio, max_level, max_cells}, center.data(), open_cell.data(), stop);
         });
-        return std::make_tuple(found.best, found.lower, found.n_cells);
+        return std::make_tuple(found.best, found.lower, found.n_cells, found.is_over);
       },
       array("normals"), array("offsets"), array("reach"), array("pads"), array("weights"), nb::arg("n_domain"),
       nb::arg("blur"), nb::arg("best"), nb::arg("gap"), nb::arg("ratio"), nb::arg("max_level"), nb::arg("max_cells"),
@@ -23,9 +23,9 @@ void bind_violation(nb::module_& m) {
       "Find the least violated weight in the unit cube within `gap`, or within `ratio` of it where that is more.\n\n"
       "The first `n_domain` planes are the domain's. `best` is a weight known to be reached; when a centre does\n"
       "better, it is written to `center`. `blur` is by how much a centre may move later.\n\n"
-      "Returns (best, lower, n_cells): `lower` is certain; it is further below than asked for when cells of\n"
-      "`max_level` stay open or `max_cells` have been looked at. `open_cell` is then centre and half edge of\n"
-      "the least violated cell of `max_level`.");
+      "Returns (best, lower, n_cells, is_over): `lower` is certain; it is further below than asked for when cells of\n"
+      "`max_level` stay open, or when it is over because `max_cells` have been looked at or as many planes as these\n"
+      "have with 2,048 each. `open_cell` is centre and half edge of the least violated open cell of `max_level`.");
   m.def(
       "violation_cells",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> reach,

@@ -76,8 +76,10 @@ def best_center(
     -----
     Global, not a local search: branch and bound over octree cells in the principal frame of the surface, so
     that the point moves with it. A cell's lower bound is what all of it violates for certain, its upper one
-    what its centre does. Whether the minimum is 0 is left to the exact kernel, for facets of positive weight.
-    A minimum reached only on a plane, a line or a point is bracketed but may not be met; `reason` says so.
+    what its centre does. The cells of the lowest bound are divided first, up to 2 million cells, or as many planes as
+    these have with 2,048 each: what is left open then bounds the minimum as well as it can. Whether the
+    minimum is 0 is left to the exact kernel, for facets of positive weight. A minimum reached only
+    on a plane, a line or a point is bracketed but may not be met; `reason` says so.
 
     Examples
     --------
@@ -146,7 +148,7 @@ def _searched(
     for levels in _COARSE_LEVELS if is_coarse else _LEVELS:
         unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
         # One unit more than is known lets the centre of a cell win over a seed on the surface.
-        reached, lower, count = least_violated(
+        reached, lower, count, is_over = least_violated(
             *arrays, blur, best + 1, close, ratio, levels, MAX_CELLS, unit, open_cell
         )
         n_cells += count
@@ -159,7 +161,7 @@ def _searched(
         flat = _meeting_point(planes, region, cube, open_cell) if is_coarse else None
         if flat is not None and flat[1] < best:
             point, best = flat
-        if best - lower <= max(close, int(ratio * best)) or count >= MAX_CELLS:
+        if best - lower <= max(close, int(ratio * best)) or is_over:
             break
     return point, best, min(lower, best), n_cells
 

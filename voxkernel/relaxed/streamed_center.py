@@ -109,7 +109,7 @@ def _searched(
     )  # fmt: skip
     blur = 8 * _UNIT * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
-    _, lower, n_cells = least_violated(
+    _, lower, n_cells, _ = least_violated(
         *arrays, blur, best + 1, int(gap * UNITS), ratio, _LEVELS, MAX_CELLS, unit, open_cell
     )
     if not np.isnan(unit).any():
