@@ -37,7 +37,7 @@ _Array = TypeVar("_Array", bound=NDArray[Any])
 
 def read_only(array: _Array) -> _Array:
     """Return `array` itself, marked not writeable: results must not change after they were checked."""
-    array.setflags(False)  # `array.flags` makes an object of its own first
+    array.setflags(write=False)  # `array.flags` makes an object of its own first
     return array
 
 
