@@ -7,6 +7,7 @@ import importlib
 import inspect
 import re
 import runpy
+import shlex
 import sys
 from pathlib import Path
 
@@ -86,7 +87,8 @@ def test_commands_parse():
 
     parser = cli.parser()
     lines = [line for path in TEXTS for text in blocks(path, "sh") for line in text.splitlines()]
-    commands = [line.split("#")[0].split("&&")[-1].split() for line in lines if re.match(r"(.*&& )?voxkernel ", line)]
+    own = [line.split("&&")[-1] for line in lines if re.match(r"(.*&& )?voxkernel ", line)]
+    commands = [shlex.split(line, comments=True) for line in own]
     assert commands
     for words in commands:
         parser.parse_args(words[1:])

@@ -82,7 +82,7 @@ def test_the_old_order_is_one_line(name, tmp_path):
 
 def test_the_old_order_of_a_report_is_one_line(tmp_path):
     (tmp_path / "run").mkdir()
-    with pytest.raises(ValueError, match=r"`path` must end in \.html, \.md or \.json, or `format` be given; got 'run'"):
+    with pytest.raises(ValueError, match=r"`path` must end in \.html, .* or \.tex, or `format` be given; got 'run'"):
         voxkernel.write_report(tmp_path / "run", tmp_path / "report.html")
 
 

@@ -27,6 +27,7 @@ CALLS = {
     "evaluate": ("evaluate", "meshes", "-o", "run", "--workers", "1"),
     "report": ("report", "run", "-o", "report.html"),
     "info": ("info", "star.ply"),
+    "view": ("view", "star.ply", "-o", "view.html"),
     "repair": ("repair", "star.ply", "-o", "repaired.ply"),
     "demo": ("demo", "-o", "demo"),
 }

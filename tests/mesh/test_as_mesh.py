@@ -80,7 +80,7 @@ def test_pairs_that_are_refused():
         as_mesh((np.full((3, 3), np.nan), [[0, 1, 2, 0]]))
 
 
-@pytest.mark.parametrize("wrong", [None, 3, np.zeros((3, 3)), (1, 2, 3), object(), {"v": 1}])
+@pytest.mark.parametrize("wrong", [None, 3, np.zeros((3, 3)), (1, 2, 3), object()])
 def test_other_types_are_refused(wrong):
     accepted = "`mesh` must be a path, a TriangleMesh, a pair .* Open3D .* trimesh, PyVista .* meshio; got "
     with pytest.raises(TypeError, match=accepted) as info:
@@ -150,7 +150,7 @@ def test_dicts_of_arrays():
     vertices, faces = shapes.l_prism()
     same_arrays(as_mesh({"vertices": vertices, "faces": faces, "colour": "red"}), vertices, faces)
     is_the_pyramid(as_mesh({"vertices": PYRAMID, "faces": SIDES}))
-    with pytest.raises(TypeError, match=r"got builtins\.dict"):
+    with pytest.raises(TypeError, match="`faces` where it is a dict; got the keys 'vertices'"):
         as_mesh({"vertices": vertices})
 
 

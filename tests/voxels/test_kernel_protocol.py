@@ -18,7 +18,7 @@ from voxkernel.mesh import as_mesh
 
 NAMES = {
     "dimension", "is_empty", "domain", "volume", "volume_bounds", "contains", "classify", "to_points", "to_mesh",
-    "to_dict", "write",
+    "to_dict", "write", "plot",
 }  # fmt: skip
 CUBE = shapes.cube()
 TILTED = Rotation.from_rotvec([0.3, 0.5, -0.7]).as_matrix()
