@@ -46,6 +46,7 @@ class Search {
     std::vector<Index> bounds;
   };
 
+  bool is_empty(Index i, Index j, Index k, Index n_i, Index n_j, Index n_k) const;
   std::vector<Tile> tiles_of(const Index* edges) const;
   void race(LabelTiles& tiles, std::vector<Tile>& left);
   void branch();
@@ -148,28 +149,56 @@ void Search::climb() {
   }
 }
 
+bool Search::is_empty(Index i, Index j, Index k, Index n_i, Index n_j, Index n_k) const {
+  const Index last_i = std::min(i + n_i, crop_.shape[0]), last_j = std::min(j + n_j, crop_.shape[1]);
+  const Index n = std::min(n_k, crop_.shape[2] - k);
+  for (Index a = i; a < last_i; ++a) {
+    for (Index b = j; b < last_j; ++b) {
+      const std::uint8_t* bytes = crop_.bytes.data() + crop_.flat(a, b, k);
+      if (std::any_of(bytes, bytes + n, [](std::uint8_t byte) { return byte != 0; })) return false;
+    }
+  }
+  return true;
+}
+
+// They need not be in line: slabs, bars of each and tiles of each start where there is something of the object.
 std::vector<Search::Tile> Search::tiles_of(const Index* edges) const {
   std::vector<Tile> found;
-  for (Index i = 0; i < crop_.shape[0]; i += edges[0]) {
-    for (Index j = 0; j < crop_.shape[1]; j += edges[1]) {
-      for (Index k = 0; k < crop_.shape[2]; k += edges[2]) {
+  const Index n_i = crop_.shape[0], n_j = crop_.shape[1], n_k = crop_.shape[2];
+  for (Index i = 0; i < n_i;) {
+    if (is_empty(i, 0, 0, 1, n_j, n_k)) {
+      ++i;
+      continue;
+    }
+    for (Index j = 0; j < n_j;) {
+      if (is_empty(i, j, 0, edges[0], 1, n_k)) {
+        ++j;
+        continue;
+      }
+      for (Index k = 0; k < n_k;) {
+        if (is_empty(i, j, k, edges[0], edges[1], 1)) {
+          ++k;
+          continue;
+        }
         Tile tile{0, INT64_MAX, {i, j, k}, {}};
         each_voxel(tile.low, edges, [&](Index rank, Index) { tile.rank = std::min(tile.rank, rank); });
-        if (tile.rank != INT64_MAX) found.push_back(std::move(tile));
+        found.push_back(std::move(tile));
+        k += edges[2];
       }
+      j += edges[1];
     }
+    i += edges[0];
   }
   std::sort(found.begin(), found.end(), [](const Tile& a, const Tile& b) { return a.rank < b.rank; });
   return found;
 }
 
-// All tiles are bounded, the deepest first, and the most promising voxel of each is looked at; then tiles are looked at
-// whole, those first from which the least may be hidden.
+// All tiles are bounded, the deepest first, then by more probes, those first from which the least may be hidden, then
+// looked at whole. Of those that may see more than any before, the most promising voxel is looked at.
 void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
   const Index* edges = tiles.edges();
-  for (Tile& tile : left) {
-    tile.bounds.resize(LabelTiles::kVoxels);
-    tiles.bound(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+  Index lowest = 0;
+  const auto rate = [&](Tile& tile) {
     tile.hidden = INT64_MAX;
     each_voxel(tile.low, edges, [&](Index rank, Index at) {
       if (std::tie(tile.bounds[at], rank) >= std::tie(tile.hidden, tile.rank)) return;
@@ -177,10 +206,28 @@ void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
       tile.rank = rank;
     });
     if (tile.hidden > least_) tile.bounds = {};
-    if (tile.hidden < least_) consider(tile.rank);
+    if (tile.hidden >= lowest) return;
+    lowest = tile.hidden;
+    consider(tile.rank);
+  };
+  const auto sort = [&] {
+    std::sort(left.begin(), left.end(),
+              [](const Tile& a, const Tile& b) { return std::tie(a.hidden, a.rank) < std::tie(b.hidden, b.rank); });
+  };
+  lowest = least_;
+  for (Tile& tile : left) {
+    tile.bounds.resize(LabelTiles::kVoxels);
+    tiles.bound(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+    rate(tile);
   }
-  std::sort(left.begin(), left.end(),
-            [](const Tile& a, const Tile& b) { return std::tie(a.hidden, a.rank) < std::tie(b.hidden, b.rank); });
+  sort();
+  lowest = least_;
+  for (Tile& tile : left) {
+    if (tile.hidden > least_ || is_over()) break;
+    tiles.refine(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+    rate(tile);
+  }
+  sort();
   for (Tile& tile : left) {
     if (tile.hidden > least_) break;
     if (is_over()) {

@@ -11,7 +11,7 @@ namespace {
 using Word = std::uint64_t;
 constexpr Index kBits = 64;
 constexpr Index kLayers = 4;
-constexpr Index kPlanes = 4;  // after so many it is asked whether all voxels of a tile are out of the race
+constexpr Index kPlanes = 2;  // after so many it is asked which voxels of a tile are out of the race
 
 struct Four {
   Word w[4];
@@ -124,13 +124,15 @@ LabelTiles::LabelTiles(const Crop& crop) {
     }
     n_places_ += last_[row] + 1 - first_[row];
   }
-  // A segment by d is, just before the share p / 8 of it, in the voxel ceil(p |d| / 8 - 1/2) along an axis.
+  // A segment by d is, just before the share p / 16 of it, in the voxel ceil(p |d| / 16 - 1/2) along an axis. First the
+  // even p, then the odd ones.
   for (int a = 0; a < 3; ++a) {
-    probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kProbes));
+    probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes));
     for (Index d = 1 - shape_[a]; d < shape_[a]; ++d) {
-      for (Index p = 0; p < kProbes; ++p) {
-        const Index n = ((p + 1) * (d < 0 ? -d : d) + 3) / 8;
-        probes_[a][(d + shape_[a] - 1) * kProbes + p] = static_cast<std::int32_t>((d < 0 ? -n : n) * strides_[a]);
+      for (Index p = 0; p < kAllProbes; ++p) {
+        const Index share = p < kProbes ? 2 * p + 2 : 2 * (p - kProbes) + 1;
+        const Index n = (share * (d < 0 ? -d : d) + 7) / 16;
+        probes_[a][(d + shape_[a] - 1) * kAllProbes + p] = static_cast<std::int32_t>((d < 0 ? -n : n) * strides_[a]);
       }
     }
   }
@@ -149,7 +151,16 @@ void LabelTiles::Counts::settle() {
   n_waiting = 0;
 }
 
-bool LabelTiles::Counts::are_above(Index enough, const Word* of) const {
+// Starts from the counts of some voxels.
+void LabelTiles::Counts::start(Span<const Index> counts, const Word* of) {
+  for (Index n = 0; n < kVoxels; ++n) {
+    const Word bit = Word{1} << (n % kBits);
+    if ((of[n / kBits] & bit) == 0) continue;
+    for (int l = 0; (counts[n] >> l) != 0; ++l) sums[l][n / kBits] |= (counts[n] >> l & 1) != 0 ? bit : 0;
+  }
+}
+
+void LabelTiles::Counts::keep_up_to(Index enough, Word* of) const {
   for (int w = 0; w < 4; ++w) {
     Word above = 0, equal = ~Word{0};
     for (int l = kLevels - 1; l >= 0; --l) {
@@ -157,13 +168,13 @@ bool LabelTiles::Counts::are_above(Index enough, const Word* of) const {
       if ((enough >> l & 1) == 0) above |= equal & is_set;
       equal &= (enough >> l & 1) == 0 ? ~is_set : is_set;
     }
-    if ((of[w] & ~above) != 0) return false;
+    of[w] &= ~above;
   }
-  return true;
 }
 
-void LabelTiles::Counts::write(Span<Index> counts) const {
+void LabelTiles::Counts::write(Span<Index> counts, const Word* of) const {
   for (Index n = 0; n < kVoxels; ++n) {
+    if ((of[n / kBits] >> (n % kBits) & 1u) == 0) continue;
     Index count = 0;
     for (int l = 0; l < kLevels; ++l) count |= static_cast<Index>(sums[l][n / kBits] >> (n % kBits) & 1u) << l;
     counts[n] = count;
@@ -180,46 +191,83 @@ void LabelTiles::stand_at(const Index* low) {
   counts_.clear();
 }
 
+// Where more than enough is hidden nothing is to be found; counts go on from what is known.
+void LabelTiles::start_at(const Index* low, Index enough, Span<const Index> hidden) {
+  stand_at(low);
+  for (Index n = 0; n < kVoxels; ++n) {
+    if (hidden[n] > enough) own_[n / kBits] &= ~(Word{1} << (n % kBits));
+  }
+  counts_.start(hidden, own_);
+}
+
+// Voxels from which more than enough is hidden are no longer looked from. Whether none is left.
+bool LabelTiles::drop(Index enough) {
+  counts_.settle();
+  counts_.keep_up_to(enough, own_);
+  return is_none(four(own_));
+}
+
 // What a probe of a segment finds outside is hidden.
 void LabelTiles::bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
   stand_at(low);
-  const bool is_up = 2 * low_[1] < shape_[1];  // from where more is far
+  Word of[4];
+  std::copy_n(own_, 4, of);
+  probe_all<false>(enough, n_steps, stop);
+  counts_.write(hidden, of);
+}
+
+void LabelTiles::refine(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
+  start_at(low, enough, hidden);
+  Word of[4];
+  std::copy_n(own_, 4, of);
+  probe_all<true>(enough, n_steps, stop);
+  counts_.write(hidden, of);
+}
+
+template <bool is_finer>
+void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
+  Index first = 0, last = shape_[1] - 1;
   for (Index p = 0; p < shape_[1]; ++p) {
-    const Index j = is_up ? shape_[1] - 1 - p : p;
+    const Index j = last - low_[1] > low_[1] - first ? last-- : first++;  // far planes first
     for (Index k = 0; k < shape_[2]; ++k) {
       if (first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
 #ifdef VOXKERNEL_HAS_AVX2
       if (has_avx2) {
-        probe_avx2(j, k);
+        probe_avx2<is_finer>(j, k);
         continue;
       }
 #endif
-      probe(j, k);
+      probe<is_finer>(j, k);
     }
     n_steps_ += shape_[2];
     stop.poll(n_steps_);
     n_steps += n_steps_;
     n_steps_ = 0;
-    if (p % kPlanes != kPlanes - 1) continue;
-    counts_.settle();
-    if (counts_.are_above(enough, own_)) break;
+    if (p % kPlanes == kPlanes - 1 && drop(enough)) break;
   }
   counts_.settle();
-  counts_.write(hidden);
 }
 
+// Where it is finer, only what the first probes did not find is counted.
+template <bool is_finer>
 void LabelTiles::probe(Index j, Index k) {
   const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
   const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
-  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kProbes;
-  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kProbes;
-  const Word* probed[kProbes];
-  for (int p = 0; p < kProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
-  for (Index i = first; i <= last; ++i, ++to, probes_i += kProbes) {
-    const Four wanted = both(four(own_), four(to));
+  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kAllProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
+  const Word* probed[kAllProbes];
+  for (int p = 0; p < kAllProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
+    Four wanted = both(four(own_), four(to));
+    if (is_none(wanted)) continue;
     Four seen = wanted;
     for (int p = 0; p < kProbes; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
+    if (is_finer) {
+      if (is_none(seen)) continue;
+      wanted = seen;
+      for (int p = kProbes; p < kAllProbes; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
+    }
     const Four hidden = without(wanted, seen);
     store(counts_.waiting[counts_.n_waiting], hidden);
     if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
@@ -231,20 +279,27 @@ void LabelTiles::probe(Index j, Index k) {
 }
 
 #ifdef VOXKERNEL_HAS_AVX2
+template <bool is_finer>
 VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
   const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
   const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
-  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kProbes;
-  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kProbes;
-  const Word* probed[kProbes];
-  for (int p = 0; p < kProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kAllProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
+  const Word* probed[kAllProbes];
+  for (int p = 0; p < kAllProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
   const __m256i own = load_words(own_);
   Index n = counts_.n_waiting;
-  for (Index i = first; i <= last; ++i, ++to, probes_i += kProbes) {
-    const __m256i wanted = _mm256_and_si256(own, load_words(to));
+  for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
+    __m256i wanted = _mm256_and_si256(own, load_words(to));
+    if (is_none(wanted)) continue;
     __m256i seen = wanted;
     for (int p = 0; p < kProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+    if (is_finer) {
+      if (is_none(seen)) continue;
+      wanted = seen;
+      for (int p = kProbes; p < kAllProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+    }
     const __m256i hidden = _mm256_andnot_si256(seen, wanted);
     store_words(counts_.waiting[n], hidden);
     n += is_none(hidden) ? 0 : 1;
@@ -260,10 +315,9 @@ VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
 
 // Planes and rows from the tile outwards, so that places nearer to it are known.
 void LabelTiles::look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
-  stand_at(low);
-  for (Index n = 0; n < kVoxels; ++n) {
-    if (hidden[n] > enough) own_[n / kBits] &= ~(Word{1} << (n % kBits));
-  }
+  start_at(low, enough, hidden);
+  Word of[4];
+  std::copy_n(own_, 4, of);
   const auto look_at_plane = [&](Index j) {
     for (Index k = low_[2]; k < shape_[2]; ++k) look_at_rows(j, k);
     for (Index k = low_[2] - 1; k >= 0; --k) look_at_rows(j, k);
@@ -279,17 +333,11 @@ void LabelTiles::look(const Index* low, Index enough, Span<Index> hidden, Index&
     const Index n = is_up ? shape_[1] - 1 - low_[1] : low_[1];
     for (Index p = 1; p <= n && !is_over; ++p) {
       look_at_plane(is_up ? low_[1] + p : low_[1] - p);
-      if (p % kPlanes != 0) continue;
-      counts_.settle();
-      is_over = counts_.are_above(enough, own_);
+      is_over = p % kPlanes == 0 && drop(enough);
     }
   }
   counts_.settle();
-  Index found[kVoxels];
-  counts_.write({found, kVoxels});
-  for (Index n = 0; n < kVoxels; ++n) {
-    if (hidden[n] <= enough) hidden[n] = found[n];
-  }
+  counts_.write(hidden, of);
 }
 
 // Both ways along the first axis.
@@ -375,8 +423,8 @@ void LabelTiles::look_at(const Row& row) {
     last_jk = four(near.jk - near.step_jk);
   }
   Index d[3] = {row.d[0], row.d[1], row.d[2]};
-  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kAllProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kAllProbes;
   Index at = row.at;
   for (Index i = 0; i < row.n; ++i, at += row.step, d[0] += row.step) {
     const Four wanted = both(own, four(words + at));
@@ -398,17 +446,19 @@ void LabelTiles::look_at(const Row& row) {
     last = sure;
     if (!is_none(open)) {
       Four seen = open;
-      const std::int32_t* const probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kProbes;
-      for (int p = 0; p < kProbes; ++p) seen = both(seen, four(words + at_ + probes_i[p] + probes_j[p] + probes_k[p]));
+      const std::int32_t* const probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kAllProbes;
+      for (int p = 0; p < kAllProbes; ++p)
+        seen = both(seen, four(words + at_ + probes_i[p] + probes_j[p] + probes_k[p]));
       if (!is_none(seen)) {
+        const Four passed = seen;
         walk(at, d, [&](Index to) { seen = both(seen, four(words + to)); }, [&] { return !is_none(seen); });
         for (int w = 0; w < 4; ++w) last.w[w] |= seen.w[w];
-      }
-      const Four hidden = without(open, seen);
-      store(counts_.waiting[counts_.n_waiting], hidden);
-      if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
-        add_up(counts_.sums, counts_.waiting);
-        counts_.n_waiting = 0;
+        const Four hidden = without(passed, seen);
+        store(counts_.waiting[counts_.n_waiting], hidden);
+        if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
+          add_up(counts_.sums, counts_.waiting);
+          counts_.n_waiting = 0;
+        }
       }
     }
     store(seen_.data() + 4 * at, last);
@@ -430,11 +480,11 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
   }
   Index d[3] = {row.d[0], row.d[1], row.d[2]};
   Word* seen_at = seen_.data() + 4 * row.at;
-  const std::int32_t* probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kProbes;
-  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kProbes;
-  const Word* probed[kProbes];
-  for (int p = 0; p < kProbes; ++p) probed[p] = words + at_ + probes_j[p] + probes_k[p];
+  const std::int32_t* probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kAllProbes;
+  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kAllProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kAllProbes;
+  const Word* probed[kAllProbes];
+  for (int p = 0; p < kAllProbes; ++p) probed[p] = words + at_ + probes_j[p] + probes_k[p];
   Index at = row.at, n_steps = 0;
   for (Index i = 0; i < row.n; ++i) {
     const __m256i wanted = _mm256_and_si256(own, load_words(words + at));
@@ -456,8 +506,9 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
     last = sure;
     if (!is_none(open)) {
       __m256i seen = open;
-      for (int p = 0; p < kProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+      for (int p = 0; p < kAllProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
       if (!is_none(seen)) {
+        const __m256i passed = seen;
         const Index back[3] = {-d[0], -d[1], -d[2]};
         if (steps_.is_kept()) {
           const SegmentSteps::Found found = steps_.find(back);
@@ -477,19 +528,19 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
           }
         }
         last = _mm256_or_si256(sure, seen);
-      }
-      const __m256i hidden = _mm256_andnot_si256(seen, open);
-      store_words(counts_.waiting[counts_.n_waiting], hidden);
-      if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
-        add_up_avx2(counts_.sums, counts_.waiting);
-        counts_.n_waiting = 0;
+        const __m256i hidden = _mm256_andnot_si256(seen, passed);
+        store_words(counts_.waiting[counts_.n_waiting], hidden);
+        if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
+          add_up_avx2(counts_.sums, counts_.waiting);
+          counts_.n_waiting = 0;
+        }
       }
     }
     store_words(seen_at, last);
     at += row.step;
     d[0] += row.step;
     seen_at += 4 * row.step;
-    probes_i += kProbes * row.step;
+    probes_i += kAllProbes * row.step;
   }
   n_steps_ += n_steps;
 }

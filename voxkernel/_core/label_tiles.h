@@ -29,14 +29,18 @@ class LabelTiles {
   // How many voxels of the object are hidden at least from voxel (i, j, k) of the tile with a given lowest voxel, at
   // `hidden[(i * edge + j) * edge + k]`; anything outside the object. `n_steps` grows by about the places looked at.
   void bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
-  // How many are, for the voxels where that number is at most `enough`; a larger number for others.
+  // The same by more probes, for the voxels where what `bound` found is at most `enough`.
+  void refine(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
+  // How many are, for the voxels where what `refine` found is at most `enough` and that number is, too; a larger number
+  // for others.
   void look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
 
  private:
   using Word = std::uint64_t;
   static constexpr Index kLargest = Index{1} << 20;
-  static constexpr int kLevels = 24;  // bits of a count
-  static constexpr int kProbes = 7;
+  static constexpr int kLevels = 24;     // bits of a count
+  static constexpr int kProbes = 7;      // of `bound`
+  static constexpr int kAllProbes = 15;  // of `refine`
 
   // Counts of 256 voxels, a level for each bit of them; what is added waits until there are sixteen.
   struct Counts {
@@ -46,8 +50,9 @@ class LabelTiles {
 
     void clear();
     void settle();
-    bool are_above(Index enough, const Word* of) const;
-    void write(Span<Index> counts) const;
+    void start(Span<const Index> counts, const Word* of);
+    void keep_up_to(Index enough, Word* of) const;
+    void write(Span<Index> counts, const Word* of) const;
   };
   // Places of a tile in a row, from the nearest to the one at work outwards.
   struct Row {
@@ -66,7 +71,13 @@ class LabelTiles {
 
   Near near_of(const Row& row) const;
   void stand_at(const Index* low);
+  void start_at(const Index* low, Index enough, Span<const Index> hidden);
+  bool drop(Index enough);
+  template <bool is_finer>
+  void probe_all(Index enough, Index& n_steps, Stop& stop);
+  template <bool is_finer>
   void probe(Index j, Index k);
+  template <bool is_finer>
   void probe_avx2(Index j, Index k);
   void look_at_rows(Index j, Index k);
   void look_at(const Row& row);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ def outward_faces(directions: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.ascontiguousarray(faces)
 
 
+@lru_cache(maxsize=64)
 def ray_set(n: int, spacing: tuple[float, ...]) -> RaySet:
     """Rays that are evenly spread in the world; for two axes `n` equal angles, the first along the last axis."""
     if len(spacing) == 2:
