@@ -1,12 +1,14 @@
 """Facts of damaged surfaces against a slow formulation of them, and what the compiled loops do beyond."""
 
+import signal
+
 import facts_oracle
 import numpy as np
 import pytest
 import shapes
 
 from voxkernel import _core
-from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh import TriangleMesh, surface_sums
 
 EXACT = [
     "is_closed",
@@ -123,24 +125,32 @@ def test_polygons(seed):
 
 
 @pytest.mark.parametrize("damage", ["none", "damaged", "soup", "bodies"])
-def test_more_triangles_than_a_block(damage):
-    """Sums run over blocks of 65,536 triangles."""
+@pytest.mark.parametrize("block", [1, 7, 1000])
+def test_blocks_of_any_size_give_the_same(monkeypatch, block, damage):
+    """Sums run over blocks of triangles, and a part may be in many of them."""
+    monkeypatch.setattr(surface_sums, "_BLOCK", block)
     rng = np.random.default_rng(7)
-    vertices, faces = shapes.torus(n_major=220, n_minor=160)
+    vertices, faces = shapes.torus(n_major=40, n_minor=20)
     if damage == "damaged":
         faces = faces[rng.random(len(faces)) < 0.9]
     elif damage == "soup":
         vertices, faces = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
     elif damage == "bodies":
-        box_vertices, box_faces = shapes.tetrahedron()
-        n = 20_000
-        shifts = 3.0 * np.stack(np.unravel_index(np.arange(n), (30, 30, 30)), axis=1)
-        vertices = (box_vertices + shifts[:, None]).reshape(-1, 3)
-        faces = (box_faces + 4 * np.arange(n)[:, None, None]).reshape(-1, 3)
-        faces = np.concatenate([faces[:40_001], [[5, 5, 6]], faces[40_001:]])
-    faces = faces[rng.permutation(len(faces))]
-    assert len(faces) > 1 << 16 or damage == "damaged"
-    assert_same(TriangleMesh.from_triangles(vertices, faces))
+        (corners, own), n = shapes.tetrahedron(), 300
+        shifts = 3.0 * np.stack(np.unravel_index(np.arange(n), (7, 7, 7)), axis=1)
+        vertices = (corners + shifts[:, None]).reshape(-1, 3)
+        faces = (own + 4 * np.arange(n)[:, None, None]).reshape(-1, 3)
+        faces = np.concatenate([faces[:401], [[5, 5, 6]], faces[401:]])
+    assert_same(TriangleMesh.from_triangles(vertices, faces[rng.permutation(len(faces))]))
+
+
+def test_more_triangles_than_a_block():
+    mesh = TriangleMesh.from_triangles(*shapes.torus(n_major=220, n_minor=160))
+    facts = mesh.facts()
+    assert len(mesh.faces) > surface_sums._BLOCK
+    assert facts.genus == 1
+    assert facts.area == pytest.approx(np.linalg.norm(mesh.plane_areas, ord=1), rel=1e-13)
+    assert facts.volume == pytest.approx(2 * np.pi**2 * 2.0 * 0.5**2, rel=1e-3)
 
 
 def test_wide_numbers_give_the_same():
@@ -166,3 +176,31 @@ def test_parts_are_numbered_by_their_first_triangle():
     *_, n_parts, parts = _core.surface_edges(mixed, len(vertices))
     assert n_parts == 2
     assert parts.tolist() == [-1] + [0] * half + [1] * half
+
+
+def test_memory_that_is_not_there():
+    nothing, ids = np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    with pytest.raises(MemoryError):
+        _core.surface_edges(nothing, 1 << 57)
+    with pytest.raises(MemoryError):
+        _core.duplicate_facets(nothing, ids, 1 << 57)
+    with pytest.raises(MemoryError):
+        _core.boundary_loops(nothing, 1 << 57, ids)
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers on this system")
+@pytest.mark.parametrize("loop", ["surface_edges", "duplicate_facets"])
+def test_signals_are_heard_during_a_loop(rng, loop):
+    """Again and again: between two calls Python would hear of many signals once."""
+    faces = rng.integers(0, 500_000, (1_500_000, 3))
+    ids = [np.arange(len(faces))] if loop == "duplicate_facets" else []
+    heard = []
+    before = signal.signal(signal.SIGALRM, lambda *_: heard.append(None))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
+        getattr(_core, loop)(faces, *ids, 500_000)
+        n = len(heard)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert n >= 2

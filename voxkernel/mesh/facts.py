@@ -9,7 +9,7 @@ from voxkernel._checks import read_only
 from voxkernel._core import duplicate_facets
 from voxkernel._frozen import Frozen
 from voxkernel.mesh.edges import boundary_loops, surface_edges
-from voxkernel.mesh.surface_sums import SurfaceSums, area_and_centroid, volume_and_outward
+from voxkernel.mesh.surface_sums import surface_sums
 from voxkernel.mesh.triangles import bounds_of, scale_exponent, unscaled
 from voxkernel.mesh.zero_area import is_degenerate
 
@@ -138,17 +138,12 @@ def mesh_facts(
     bbox = _used_bounds(vertices, used)
     exponent = scale_exponent(bbox)
     size = 0.5 * bbox[1] - 0.5 * bbox[0]
-    surface = SurfaceSums(vertices, faces, exponent, 0.5 * bbox[0] + 0.5 * bbox[1])
-    area, centroid = area_and_centroid(surface)
     n_facets, degenerate = _degenerate_facets(vertices, faces, facet_ids)
-
     edges = surface_edges(faces, n_vertices)
-    volume, is_outward, genus = float("nan"), None, None
-    if edges.is_closed and edges.is_oriented:
-        volume, is_outward = volume_and_outward(surface, edges.n_parts, edges.parts)
-        # one fan of triangles round every vertex
-        if edges.n_components == 1 and edges.n_fans == edges.n_vertices:
-            genus = (2 - edges.euler_characteristic) // 2
+    sums = surface_sums(vertices, faces, bbox, edges)
+    is_solid = edges.is_closed and edges.is_oriented
+    # one fan of triangles round every vertex: no pinched one
+    has_genus = is_solid and edges.n_components == 1 and edges.n_fans == edges.n_vertices
     return MeshFacts(
         n_vertices=n_vertices,
         n_faces=len(faces),
@@ -158,15 +153,15 @@ def mesh_facts(
         boundary_loops=boundary_loops(faces, n_vertices, edges.border),
         n_nonmanifold_edges=edges.n_nonmanifold,
         is_oriented=edges.is_oriented,
-        is_outward=is_outward,
+        is_outward=sums.is_outward,
         degenerate_facets=read_only(degenerate),
         nonplanar_facets=nonplanar_facets,
         n_components=edges.n_components,
         euler_characteristic=edges.euler_characteristic,
-        genus=genus,
-        area=area,
-        volume=volume,
-        area_centroid=read_only(centroid),
+        genus=(2 - edges.euler_characteristic) // 2 if has_genus else None,
+        area=sums.area,
+        volume=sums.volume,
+        area_centroid=read_only(sums.area_centroid),
         bbox=read_only(bbox),
         diagonal=float(unscaled(np.linalg.norm(np.ldexp(size, -exponent)), exponent + 1)),
         n_unreferenced_vertices=n_vertices - int(np.count_nonzero(used)),
