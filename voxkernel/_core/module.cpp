@@ -15,6 +15,7 @@ void bind_grid_query(nb::module_& m);
 void bind_guards(nb::module_& m);
 void bind_labels(nb::module_& m);
 void bind_linear_program(nb::module_& m);
+void bind_mesh(nb::module_& m);
 void bind_octree(nb::module_& m);
 void bind_planes(nb::module_& m);
 void bind_polyhedron(nb::module_& m);
@@ -44,6 +45,7 @@ NB_MODULE(_core, m) {
   bind_guards(m);
   bind_labels(m);
   bind_linear_program(m);
+  bind_mesh(m);
   bind_octree(m);
   bind_planes(m);
   bind_polyhedron(m);

@@ -1,4 +1,4 @@
-"""The edges of triangles, paired: which are on the border, are they oriented, which loops they form."""
+"""The edges of triangles: which are shared, which are on the border and which loops these form."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._checks import read_only
+from voxkernel import _core
 from voxkernel.mesh.connected_components import components
 
-__all__ = ["HalfEdges", "are_oriented", "edge_parts", "half_edges", "loops_of"]
+__all__ = ["HalfEdges", "SurfaceEdges", "boundary_loops", "edge_parts", "half_edges", "surface_edges"]
 
 
 class HalfEdges(NamedTuple):
@@ -38,6 +38,31 @@ class HalfEdges(NamedTuple):
         return edge
 
 
+class SurfaceEdges(NamedTuple):
+    """Facts of the edges of triangles; a triangle that names a vertex twice has none and only joins components."""
+
+    n_faces: int  # triangles that have edges
+    n_vertices: int  # of these
+    n_edges: int
+    n_nonmanifold: int  # edges of three triangles or more
+    border: NDArray[np.int64]  # half-edges without another, ordered by the ends of their edges
+    is_oriented: bool  # the directions balance at every edge of more than one triangle
+    n_components: int  # parts that share no vertex
+    n_fans: int  # of triangles round vertices; where closed and oriented, of one component
+    n_parts: int  # parts that share no edge: each has a volume of its own; where closed and oriented
+    parts: NDArray[np.int64]  # the part of each triangle, -1 of one without edges; where closed and oriented
+
+    @property
+    def is_closed(self) -> bool:
+        """Two triangles at every edge?"""
+        return len(self.border) == 0 and self.n_nonmanifold == 0
+
+    @property
+    def euler_characteristic(self) -> int:
+        """Vertices - edges + triangles."""
+        return self.n_vertices - self.n_edges + self.n_faces
+
+
 def half_edges(faces: NDArray[np.int64], n_vertices: int) -> HalfEdges:
     """One sort gives every edge fact."""
     tail, head = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
@@ -59,76 +84,16 @@ def edge_parts(edges: HalfEdges, n_faces: int) -> tuple[int, NDArray[np.int32]]:
     return components(n_faces, a, b)
 
 
-def are_oriented(edges: HalfEdges) -> bool:
-    """Do the directions balance at every edge that has more than one triangle?"""
-    forward = np.add.reduceat(edges.forward.astype(np.int64), edges.first)
-    return bool((np.abs(2 * forward - edges.n_faces) <= edges.n_faces % 2).all())
+def surface_edges(faces: NDArray[np.int64], n_vertices: int) -> SurfaceEdges:
+    """Every fact of the edges, in linear time and some 45 bytes a triangle."""
+    return SurfaceEdges(*_core.surface_edges(faces, n_vertices))
 
 
-def loops_of(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """Chain boundary half-edges into simple loops, in order of their lowest half-edge."""
-    if len(tails) == 0:
+def boundary_loops(
+    faces: NDArray[np.int64], n_vertices: int, border: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], ...]:
+    """Chain boundary half-edges into simple loops, in the order in which they close."""
+    if len(border) == 0:
         return ()
-    ordered = np.sort(tails)
-    if (ordered[1:] != ordered[:-1]).all() and np.array_equal(ordered, np.sort(heads)):
-        return _cycles(tails, heads)
-    return _chains(tails, heads)
-
-
-def _cycles(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """The usual case: one way in and one way out at every boundary vertex."""
-    edge_from = np.empty(int(tails.max()) + 1, dtype=np.int64)
-    edge_from[tails] = np.arange(len(tails))
-    following = edge_from[heads].tolist()
-    waiting = [True] * len(following)
-    order: list[int] = []
-    starts: list[int] = []
-    for edge in range(len(following)):
-        if waiting[edge]:
-            starts.append(len(order))
-            while waiting[edge]:
-                waiting[edge] = False
-                order.append(edge)
-                edge = following[edge]
-    vertices = read_only(tails[order])
-    return tuple(vertices[a:b] for a, b in pairwise([*starts, len(order)]))
-
-
-def _chains(tails: NDArray[np.int64], heads: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """Pinched or unoriented boundaries: against a half-edge only where none goes on forward."""
-    outgoing: dict[int, list[int]] = {}
-    incoming: dict[int, list[int]] = {}
-    a, b = tails.tolist(), heads.tolist()
-    for edge, (tail, head) in enumerate(zip(a, b, strict=True)):
-        outgoing.setdefault(tail, []).append(edge)
-        incoming.setdefault(head, []).append(edge)
-    used = [False] * len(a)
-    loops: list[NDArray[np.int64]] = []
-
-    def step(vertex: int) -> int | None:
-        for table, ends in ((outgoing, b), (incoming, a)):
-            waiting = table.get(vertex, [])
-            while waiting:
-                edge = waiting.pop()
-                if not used[edge]:
-                    used[edge] = True
-                    return ends[edge]
-        return None
-
-    for edge, start in enumerate(a):
-        if used[edge]:
-            continue
-        path, place = [start], {start: 0}
-        while (vertex := step(path[-1])) is not None:
-            if vertex in place:  # a simple loop is closed: take it off the path
-                at = place[vertex]
-                loops.append(read_only(np.array(path[at:], dtype=np.int64)))
-                for gone in path[at + 1 :]:
-                    del place[gone]
-                del path[at + 1 :]
-            else:
-                place[vertex] = len(path)
-                path.append(vertex)
-        if len(path) > 1:
-            loops.append(read_only(np.array(path, dtype=np.int64)))
-    return tuple(loops)
+    vertices, starts = _core.boundary_loops(faces, n_vertices, border)
+    return tuple(vertices[first:last] for first, last in pairwise(starts.tolist()))

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._checks import read_only
+from voxkernel._core import duplicate_facets
 from voxkernel._frozen import Frozen
-from voxkernel.mesh.connected_components import components
-from voxkernel.mesh.edges import HalfEdges, are_oriented, edge_parts, half_edges, loops_of
-from voxkernel.mesh.triangles import bounds_of, scale_exponent, scaled_triangle_areas, triple_products, unscaled
-from voxkernel.mesh.zero_area import exact_integers, is_degenerate
+from voxkernel.mesh.edges import boundary_loops, surface_edges
+from voxkernel.mesh.surface_sums import surface_sums
+from voxkernel.mesh.triangles import bounds_of, scale_exponent, unscaled
+from voxkernel.mesh.zero_area import is_degenerate
 
 __all__ = ["MeshFacts", "mesh_facts"]
 
@@ -99,75 +100,29 @@ class MeshFacts(Frozen):
         )
 
 
-def _n_components(faces: NDArray[np.int64], used: NDArray[np.bool_]) -> int:
-    """Connected parts of the used vertices."""
-    n = len(used)
-    rows = np.concatenate([faces[:, 0], faces[:, 0]])
-    columns = np.concatenate([faces[:, 1], faces[:, 2]])
-    return components(n, rows, columns)[0] - int(n - used.sum())
+def _used_bounds(vertices: NDArray[np.float64], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest coordinates of the used vertices, which are not copied."""
+    if used.all():
+        return bounds_of(vertices)
+    return np.stack(
+        [
+            vertices.min(axis=0, where=used[:, None], initial=np.inf),
+            vertices.max(axis=0, where=used[:, None], initial=-np.inf),
+        ]
+    )
 
 
-def _is_vertex_manifold(edges: HalfEdges, faces: NDArray[np.int64], n_used: int) -> bool:
-    """One fan of triangles round every vertex? Corners of a closed surface are linked across edges."""
-    left, right = edges.pairs()
-    next_left, next_right = left - left % 3 + (left + 1) % 3, right - right % 3 + (right + 1) % 3
-    rows, columns = np.concatenate([left, next_left]), np.concatenate([next_right, right])
-    return components(faces.size, rows, columns)[0] == n_used
-
-
-def _component_signs(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    local: NDArray[np.float64],
-    six_volumes: NDArray[np.float64],
-    n_parts: int,
-    labels: NDArray[np.int32],
-) -> bool:
-    """Is every part's signed volume > 0? The float sum where it is certain, integers where it is not."""
-    sums = np.bincount(labels, weights=six_volumes, minlength=n_parts)
-    n_faces = np.bincount(labels, minlength=n_parts)
-    # a term a.(b x c) of rounded coordinates is off by < 32 u of 6 |a| |b| |c|; n terms add n u of their sum
-    reach = np.abs(local).max(axis=1)
-    sizes = 6.0 * reach[faces[:, 0]] * reach[faces[:, 1]] * reach[faces[:, 2]]
-    terms = np.bincount(labels, weights=np.abs(six_volumes), minlength=n_parts)
-    rounding = np.bincount(labels, weights=sizes, minlength=n_parts)
-    bound = 2.0**-52 * (n_faces * terms + 32.0 * rounding) + 1e-290
-    if (sums < -bound).any():
-        return False
-    for part in np.flatnonzero(sums <= bound):
-        corners = exact_integers(vertices[faces[labels == part]])
-        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-        cross = b[:, [1, 2, 0]] * c[:, [2, 0, 1]] - b[:, [2, 0, 1]] * c[:, [1, 2, 0]]
-        if (a * cross).sum() <= 0:
-            return False
-    return True
-
-
-def _n_duplicate_facets(faces: NDArray[np.int64], facet_ids: NDArray[np.int64]) -> int:
-    """Facets with the vertex set of an earlier one."""
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(facet_ids) > 0]))
-    n_triangles = np.diff(np.append(starts, len(faces)))
-    single = starts[n_triangles == 1]
-    total = _n_repeated_rows(np.sort(faces[single], axis=1))
-    if len(single) == len(starts):
-        return total
-    several = np.repeat(n_triangles > 1, n_triangles)
-    pairs = np.stack([np.repeat(facet_ids[several], 3), faces[several].reshape(-1)], axis=1)
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    pairs = pairs[np.concatenate([[True], (np.diff(pairs, axis=0) != 0).any(axis=1)])]
-    begins = np.flatnonzero(np.concatenate([[True], np.diff(pairs[:, 0]) > 0]))
-    sizes = np.diff(np.append(begins, len(pairs)))
-    for size in np.unique(sizes):
-        total += _n_repeated_rows(pairs[begins[sizes == size, None] + np.arange(size), 1])
-    return total
-
-
-def _n_repeated_rows(rows: NDArray[np.int64]) -> int:
-    """Rows equal to an earlier row."""
-    if len(rows) < 2:
-        return 0
-    ordered = rows[np.lexsort(rows.T[::-1])]
-    return int((np.diff(ordered, axis=0) == 0).all(axis=1).sum())
+def _degenerate_facets(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], facet_ids: NDArray[np.int64]
+) -> tuple[int, NDArray[np.int64]]:
+    """Number of facets, and those all of whose triangles have no area."""
+    is_first = np.ones(len(faces), dtype=bool)
+    np.greater(facet_ids[1:], facet_ids[:-1], out=is_first[1:])
+    zero = is_degenerate(vertices, faces)
+    if is_first.all():
+        return len(faces), facet_ids[zero]
+    starts = np.flatnonzero(is_first)
+    return len(starts), facet_ids[starts[np.logical_and.reduceat(zero, starts)]]
 
 
 def mesh_facts(
@@ -176,64 +131,39 @@ def mesh_facts(
     facet_ids: NDArray[np.int64],
     nonplanar_facets: NDArray[np.int64],
 ) -> MeshFacts:
-    """All facts of a checked mesh in one pass; sums run about the bounding box's centre."""
-    used = np.zeros(len(vertices), dtype=bool)
+    """All facts of a checked mesh; sums run about the bounding box's centre."""
+    n_vertices = len(vertices)
+    used = np.zeros(n_vertices, dtype=bool)
     used[faces.reshape(-1)] = True
-    bbox = bounds_of(vertices[used])
+    bbox = _used_bounds(vertices, used)
     exponent = scale_exponent(bbox)
     size = 0.5 * bbox[1] - 0.5 * bbox[0]
-    centre = 0.5 * bbox[0] + 0.5 * bbox[1]
-    scaled = np.ldexp(vertices if used.all() else np.where(used[:, None], vertices, centre), -exponent)
-    local = scaled - np.ldexp(centre, -exponent)
-    areas = scaled_triangle_areas(scaled, faces, 0)
-    area = float(areas.sum())
-    middle = local[faces[:, 0]] + local[faces[:, 1]] + local[faces[:, 2]]
-    centroid = (areas @ middle) / (3.0 * area) if area > 0.0 else middle.mean(axis=0) / 3.0
-
-    zero = is_degenerate(vertices, faces)
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(facet_ids) > 0]))
-    degenerate = facet_ids[starts[np.logical_and.reduceat(zero, starts)]]
-
-    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    solid = faces if proper.all() else faces[proper]
-    on_solid = np.zeros(len(vertices), dtype=bool)
-    on_solid[solid.reshape(-1)] = True
-    edges = half_edges(solid, len(vertices))
-    border = edges.order[edges.first[edges.n_faces == 1]]
-    n_nonmanifold = int((edges.n_faces > 2).sum())
-    n_components = _n_components(faces, used)
-    is_closed = len(border) == 0 and n_nonmanifold == 0
-    is_oriented = are_oriented(edges)
-    euler = int(on_solid.sum()) - len(edges.first) + len(solid)
-    volume, is_outward, genus = float("nan"), None, None
-    if is_closed and is_oriented:
-        n_parts, labels = edge_parts(edges, len(solid))
-        a, b, c = (local[solid[:, k]] for k in range(3))
-        six_volumes = triple_products(a, b, c)
-        volume = float(unscaled(six_volumes.sum() / 6.0, 3 * exponent))
-        is_outward = _component_signs(vertices, solid, local, six_volumes, n_parts, labels)
-        if n_components == 1 and _is_vertex_manifold(edges, solid, int(on_solid.sum())):
-            genus = (2 - euler) // 2
+    n_facets, degenerate = _degenerate_facets(vertices, faces, facet_ids)
+    edges = surface_edges(faces, n_vertices)
+    sums = surface_sums(vertices, faces, bbox, edges)
+    is_solid = edges.is_closed and edges.is_oriented
+    # one fan of triangles round every vertex: no pinched one
+    has_genus = is_solid and edges.n_components == 1 and edges.n_fans == edges.n_vertices
     return MeshFacts(
-        n_vertices=len(vertices),
+        n_vertices=n_vertices,
         n_faces=len(faces),
-        n_facets=len(starts),
-        is_closed=is_closed,
-        n_boundary_edges=len(border),
-        boundary_loops=loops_of(solid.reshape(-1)[border], solid[:, [1, 2, 0]].reshape(-1)[border]),
-        n_nonmanifold_edges=n_nonmanifold,
-        is_oriented=is_oriented,
-        is_outward=is_outward,
+        n_facets=n_facets,
+        is_closed=edges.is_closed,
+        n_boundary_edges=len(edges.border),
+        boundary_loops=boundary_loops(faces, n_vertices, edges.border),
+        n_nonmanifold_edges=edges.n_nonmanifold,
+        is_oriented=edges.is_oriented,
+        is_outward=sums.is_outward,
         degenerate_facets=read_only(degenerate),
         nonplanar_facets=nonplanar_facets,
-        n_components=n_components,
-        euler_characteristic=euler,
-        genus=genus,
-        area=float(unscaled(area, 2 * exponent)),
-        volume=volume,
-        area_centroid=read_only(centre + np.ldexp(centroid, exponent)),
+        n_components=edges.n_components,
+        euler_characteristic=edges.euler_characteristic,
+        genus=(2 - edges.euler_characteristic) // 2 if has_genus else None,
+        area=sums.area,
+        volume=sums.volume,
+        area_centroid=read_only(sums.area_centroid),
         bbox=read_only(bbox),
         diagonal=float(unscaled(np.linalg.norm(np.ldexp(size, -exponent)), exponent + 1)),
-        n_unreferenced_vertices=int(len(vertices) - used.sum()),
-        n_duplicate_facets=_n_duplicate_facets(faces, facet_ids),
+        n_unreferenced_vertices=n_vertices - int(np.count_nonzero(used)),
+        n_duplicate_facets=duplicate_facets(faces, facet_ids, n_vertices),
     )

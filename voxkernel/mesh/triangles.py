@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "bounds_of",
+    "corner_areas",
     "doubled_areas",
     "doubled_normals",
     "facet_normals",
@@ -98,6 +99,13 @@ def triangle_areas(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) 
     vertices, triangles = without_strays(vertices, triangles)
     exponent = scale_exponent(vertices)
     return unscaled(scaled_triangle_areas(vertices, triangles, exponent), 2 * exponent)
+
+
+def corner_areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m,) areas of triangles (m, 3, 3), by columns."""
+    a, b, c = (corners[:, k].T for k in range(3))
+    x, y, z = _crossed(b - a, c - a)
+    return 0.5 * np.sqrt(x * x + y * y + z * z)
 
 
 def scaled_triangle_areas(

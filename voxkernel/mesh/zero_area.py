@@ -24,9 +24,9 @@ def exact_integers(values: NDArray[np.float64]) -> NDArray[np.object_]:
 def _certainly_has_area(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Conservative: True only where one component of the cross product is provably not zero."""
     with np.errstate(over="ignore", invalid="ignore"):
-        origin = vertices[triangles[:, 0]]
-        u = (vertices[triangles[:, 1]] - origin).T
-        v = (vertices[triangles[:, 2]] - origin).T
+        origin = vertices.take(triangles[:, 0], axis=0)
+        u = (vertices.take(triangles[:, 1], axis=0) - origin).T
+        v = (vertices.take(triangles[:, 2], axis=0) - origin).T
         certain = np.zeros(len(triangles), dtype=bool)
         for i, j in ((0, 1), (1, 2), (2, 0)):
             p, q = u[i] * v[j], u[j] * v[i]
