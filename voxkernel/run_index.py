@@ -82,15 +82,19 @@ class RunIndex:
         optional("pyarrow").default_memory_pool().release_unused()
 
     def rows(self, places: NDArray[np.int64]) -> Any:
-        """Read some rows whole; `places` are their places in the table. One part is in memory at a time."""
+        """Read some rows whole, by their places in the table; some thousand others are in memory at a time."""
         pa = optional("pyarrow")
         wanted = self._order[places]
         by_place = np.argsort(wanted, kind="stable")
         pieces = [run_table.schema().empty_table()]
+        ordered = wanted[by_place]
         for k, (begin, end) in enumerate(zip(self._starts[:-1], self._starts[1:], strict=True)):
-            low, high = np.searchsorted(wanted[by_place], [begin, end])
-            if high > low:
-                pieces.append(_taken(run_table.read_part(self._parts[k]), wanted[by_place][low:high] - begin))
+            low, high = np.searchsorted(ordered, [begin, end])
+            for batch in run_table.read_batches(self._parts[k]) if high > low else ():
+                low, high = np.searchsorted(ordered, [begin, begin + batch.num_rows])
+                if high > low:
+                    pieces.append(_taken(batch, ordered[low:high] - begin))
+                begin += batch.num_rows
         back = np.empty(len(places), np.int64)
         back[by_place] = np.arange(len(places))
         return _taken(pa.concat_tables(pieces), back)

@@ -8,7 +8,7 @@ import posixpath
 import re
 import time
 import uuid
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -30,6 +30,7 @@ __all__ = [
 
 T = TypeVar("T")
 _COMPARED = 1 << 16  # names of files that are copied at a time
+_BATCH = 1 << 14  # rows that are read at a time where few of them are wanted
 
 # Every column, once, in the order of the table: its name and its type in Arrow's words. What a row does not have is
 # null. A row is a surface, a cell of a polyhedral mesh, or an object of a label image, as `kind` says: "surface",
@@ -241,14 +242,28 @@ def read_part(part: Part, columns: Sequence[str] | None = None) -> Any:
     present = set(part.file.schema_arrow.names)
     with _damage_named(part.name):
         table = part.file.read(columns=[name for name in wanted.names if name in present])
-        table.validate(full=True)
-        found = [
-            table.column(f.name).cast(f.type) if f.name in present else pa.nulls(part.num_rows, f.type)
-            for f in wanted
-        ]
-        unnamed = found[wanted.get_field_index("file")].null_count if "file" in wanted.names else 0
-        if unnamed:
-            raise ValueError(f"{unnamed} rows that name no file")
+        return _checked(table, wanted, part.num_rows)
+
+
+def read_batches(part: Part) -> Iterator[Any]:
+    """Read a part as tables of some thousand rows, as `read_part` does."""
+    pa = optional("pyarrow")
+    wanted = schema()
+    present = set(part.file.schema_arrow.names)
+    with _damage_named(part.name):
+        for batch in part.file.iter_batches(_BATCH, columns=[name for name in wanted.names if name in present]):
+            yield _checked(pa.Table.from_batches([batch]), wanted, batch.num_rows)
+
+
+def _checked(table: Any, wanted: Any, n: int) -> Any:
+    """Give a table the columns that are wanted; those that are missing are null."""
+    pa = optional("pyarrow")
+    table.validate(full=True)
+    present = set(table.column_names)
+    found = [table.column(f.name).cast(f.type) if f.name in present else pa.nulls(n, f.type) for f in wanted]
+    unnamed = found[wanted.get_field_index("file")].null_count if "file" in wanted.names else 0
+    if unnamed:
+        raise ValueError(f"{unnamed} rows that name no file")
     return pa.Table.from_arrays(found, schema=wanted)
 
 

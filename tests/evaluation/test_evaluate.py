@@ -1,10 +1,12 @@
 """`evaluate`: the table and what is in it, resume, labels, remote paths, the command."""
 
 import csv
+import hashlib
 import io
 import json
 import os
 import shutil
+from contextlib import closing
 
 import fsspec
 import numpy as np
@@ -16,10 +18,11 @@ from voxkernel import as_mesh, run_table
 from voxkernel import defect_profile as profile_of
 from voxkernel import starshapeness as score_of
 from voxkernel.cli import main as cli
-from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate
+from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate, resume
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.inputs import Item, Labels, content_hash, count_suffixes, find_items, labelled, read_labels
 from voxkernel.evaluation.settings import FEW, for_files, settings_hash
+from voxkernel.run_index import open_index
 
 ONE = EvaluateSettings(workers=1)
 MADE = {
@@ -404,6 +407,38 @@ def test_folders_with_links_in_circles_and_pipes(tmp_path, monkeypatch):
         names = ["d/again/x.ply", "d/e/x.ply", "d/none.ply", "d/pipe.ply"]
         assert [i.name for i in items] == [start + name for name in names]
         assert [len(content_hash(i)) for i in items] == [64, 64, 0, 0]  # a pipe is not waited for
+
+
+@pytest.mark.parametrize("size", [0, 1, 90, 1 << 20])
+def test_content_is_hashed_whole(tmp_path, size):
+    data = bytes(size)
+    (tmp_path / "x.ply").write_bytes(data)
+    assert content_hash(Item("", str(tmp_path / "x.ply"))) == hashlib.sha256(data).hexdigest()
+    os.symlink("/dev/zero", tmp_path / "zero.ply")  # which never ends
+    assert content_hash(Item("", str(tmp_path / "zero.ply"))) == ""
+
+
+@pytest.mark.parametrize("quick", [0.0, 1e9])
+def test_files_that_changed_are_found_by_one_thread_or_several(tmp_path, monkeypatch, quick):
+    """Changed, gone, or there now: each is fresh, at any place of the batches that are hashed."""
+    monkeypatch.setattr(resume, "_QUICK", quick)
+    monkeypatch.setattr(resume, "_AT_ONCE", 3)
+    own = {"status": "ok", "settings_hash": settings_hash(EvaluateSettings())}
+    rows: list[dict[str, str]] = []
+    for k in range(100):
+        file = tmp_path / f"{k:03}.ply"
+        file.write_text(f"{k}")
+        rows.append({"file": str(file), "content_hash": content_hash(Item("", str(file))), **own})
+    fs, path = run_table.open_run(str(tmp_path / "run"))
+    run_table.write_part(fs, path, rows[:-1])
+    changed = {0, 1, 4, 50, 98}
+    for k in changed:
+        (tmp_path / f"{k:03}.ply").write_text("other")
+    items = [Item(row["file"], row["file"]) for row in rows]
+    with closing(open_index(fs, path, resume.COLUMNS)) as index:
+        found = resume.resumed(items, index, EvaluateSettings())
+    assert [item.name for item in found.fresh] == [rows[k]["file"] for k in sorted(changed | {99})]
+    assert found.n_reused == 94
 
 
 def test_a_folder_that_cannot_be_listed_is_an_item(tmp_path, monkeypatch):

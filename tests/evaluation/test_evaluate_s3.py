@@ -1,12 +1,15 @@
 """A data set in and a run out at `s3://`, by the protocol: a server of this machine answers as S3 does."""
 
-import shutil
+from contextlib import closing
 
 import pytest
 import shapes
 
 from voxkernel import as_mesh, run_table, write_report
 from voxkernel.evaluation import EvaluateSettings, evaluate
+from voxkernel.evaluation.analysis import analyse
+from voxkernel.evaluation.inputs import Item, content_hash, find_items
+from voxkernel.evaluation.resume import COLUMNS, resumed
 from voxkernel.evaluation.store import RunStore
 from voxkernel.evaluation.worker import Outcome
 
@@ -49,7 +52,7 @@ def rows_of(run):
 
 
 def test_a_data_set_and_its_run(bucket, tmp_path):
-    """The same rows as of the same files in a folder; resumed, and a report of it."""
+    """The same rows as of the same files in a folder, and one of a bucket that is not there; resumed, and a report."""
     made = {"cube": shapes.cube(), "torus": shapes.torus(n_major=8, n_minor=6)}
     (tmp_path / "in").mkdir()
     for name, shape in made.items():
@@ -57,26 +60,33 @@ def test_a_data_set_and_its_run(bucket, tmp_path):
     (tmp_path / "in" / "broken.ply").write_text("ply\nnonsense")
     (tmp_path / "in" / "notes.txt").write_text("no mesh")
     bucket.put(f"{tmp_path}/in", "shapes/in", recursive=True)
-    there = evaluate("s3://shapes/in", output="s3://shapes/run", settings=ONE, labels="folders")
-    here = evaluate(tmp_path / "in", output=tmp_path / "run", settings=ONE, labels="folders")
-    assert (there.n_ok, there.n_failed, there.left_out) == (here.n_ok, here.n_failed, here.left_out)
-    own = {k for k in run_table.COLUMNS if "seconds" not in k and k not in ("file", "finished", "reason")}
-    remote, local = rows_of("s3://shapes/run"), rows_of(str(tmp_path / "run"))
+    given = ["s3://shapes/in", "s3://nowhere/x.ply"]
+    there = evaluate(given, output="s3://shapes/run", settings=ONE, labels="folders")
+    assert (there.n_ok, there.n_failed, there.left_out) == (2, 2, ((".txt", 1),))
+    remote = rows_of("s3://shapes/run")
+    nowhere = remote.pop("s3://nowhere/x.ply")
+    assert nowhere["status"] == "failed"
+    assert nowhere["reason"].startswith("'s3://nowhere/x.ply' cannot be read: ")
     assert sorted(remote) == [f"s3://shapes/in/{name}.ply" for name in ("broken", "cube", "torus")]
-    for name, row in local.items():
-        found = remote[f"s3://shapes/in/{name.rpartition('/')[2]}"]
+    for name in made:
+        file = tmp_path / "in" / f"{name}.ply"
+        (row,) = run_table.to_table(analyse(str(file), ONE, name="").rows).to_pylist()
+        found = remote[f"s3://shapes/in/{name}.ply"]
+        own = {k for k in row if row[k] is not None and "seconds" not in k} - {"file", "finished", "reason"}
         assert {k: found[k] for k in own} == {k: row[k] for k in own}
+        assert (found["label"], found["content_hash"]) == ("in", content_hash(Item("", str(file))))
     assert "s3://shapes/in/broken.ply" in remote["s3://shapes/in/broken.ply"]["reason"]
 
-    # Resumed: only what has changed is computed again.
-    bucket.cp_file("shapes/in/torus.ply", "shapes/in/cube.ply")
+    # Resumed: nothing is computed again, but for what has changed.
     again = evaluate("s3://shapes/in/*.ply", output="s3://shapes/run", settings=ONE, labels="folders")
-    assert (again.n_ok, again.n_failed, again.n_reused) == (2, 1, 2)
-    assert rows_of("s3://shapes/run")["s3://shapes/in/cube.ply"]["verdict"] == "not star-shaped"
+    assert (again.n_ok, again.n_failed, again.n_reused) == (2, 1, 3)
     assert len(bucket.find("shapes/run/rows")) == 1
+    bucket.cp_file("shapes/in/torus.ply", "shapes/in/cube.ply")
+    with closing(RunStore("s3://shapes/run").compact(COLUMNS)) as index:
+        before = resumed(find_items(["s3://shapes/in/*.ply"]), index, ONE)
+    assert ([item.name for item in before.fresh], before.n_reused) == (["s3://shapes/in/cube.ply"], 2)
     summary = write_report(tmp_path / "report.html", "s3://shapes/run")
-    assert (summary["counts"]["not star-shaped"], summary["counts"]["failed"]) == (2, 1)
-    shutil.rmtree(tmp_path / "run")
+    assert (summary["counts"]["not star-shaped"], summary["counts"]["failed"]) == (1, 2)
 
 
 def test_two_runs_at_once_lose_no_row(bucket):
@@ -93,10 +103,6 @@ def test_two_runs_at_once_lose_no_row(bucket):
     assert len(bucket.find("shapes/run/rows")) == 1
 
 
-def test_a_bucket_that_is_not_there(bucket, tmp_path):
-    result = evaluate("s3://nowhere/x.ply", output=tmp_path / "run", settings=ONE)
-    (row,) = result.table().to_pylist()
-    assert row["status"] == "failed"
-    assert row["reason"].startswith("'s3://nowhere/x.ply' cannot be read: ")
+def test_a_run_that_is_not_there(bucket, tmp_path):
     with pytest.raises(FileNotFoundError, match="`run` must be the output of an evaluation; got 's3://shapes/no'"):
         write_report(tmp_path / "report.html", "s3://shapes/no")

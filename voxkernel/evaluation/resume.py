@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
@@ -20,6 +21,7 @@ __all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
 COLUMNS = ("label", "status", "n_objects", "view")  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
+_QUICK = 1e-4  # seconds to read and hash a small file, and no more
 
 
 class Resumed(NamedTuple):
@@ -65,13 +67,21 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
 def _same(
     items: Sequence[Item], candidates: NDArray[np.int64], first: NDArray[np.int64], stored: Any
 ) -> Iterator[bool]:
-    """Say of each candidate whether its content is the stored one; some threads read files at the same time."""
+    """Say of each candidate whether its content is the stored one.
+
+    Files that are large or far away are read by several threads at the same time; with small ones that are at hand,
+    threads would only be in each other's way.
+    """
     take = optional("pyarrow").array
     some_of = (candidates[k : k + _AT_ONCE] for k in range(0, len(candidates), _AT_ONCE))
     batches = (([items[i] for i in ids.tolist()], stored.take(take(first[ids]))) for ids in some_of)
     with ThreadPoolExecutor(8) as readers:  # SHA-256 and reading do not hold the interpreter
         while some := list(islice(batches, _WAITING)):
-            for same in readers.map(_same_of_some, some):
+            begin = time.perf_counter()
+            same = _same_of_some(some[0])
+            is_quick = time.perf_counter() - begin < _QUICK * len(same)
+            yield from same
+            for same in (map if is_quick else readers.map)(_same_of_some, some[1:]):
                 yield from same
 
 

@@ -109,8 +109,8 @@ def histogram(rows: ReportRows, score: Score) -> Chart:
     known = np.isfinite(values)
     axis = Axis.over(values[known], _LEFT, WIDTH - _RIGHT, is_log=score.name == "defect")
     edges = axis.edges()
-    outcome = np.array(rows.outcome, dtype=object)
-    stacks = {name: _binned(values[known & (outcome == name)], edges, axis.is_log) for name in OUTCOMES}
+    outcome = rows.outcome.places(OUTCOMES)
+    stacks = {name: _binned(values[known & (outcome == k)], edges, axis.is_log) for k, name in enumerate(OUTCOMES)}
     total = int(np.sum(list(stacks.values())))
     tallest = max(1, int(np.sum(list(stacks.values()), axis=0).max()))
     up = Axis(0.0, _round_up(tallest), HEIGHT - _BOTTOM, _TOP)

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.report.columns import Texts
+from voxkernel.report.columns import Texts, cross_counts
 from voxkernel.report.labels import labels_of
 from voxkernel.report.rows import ALL_SCORES, KINDS, ReportRows
-from voxkernel.report.statistics import confusion_counts
 
 __all__ = ["FAILED", "REST", "ClassRule", "class_rules", "class_summary", "with_classes"]
 
@@ -82,11 +81,12 @@ def class_summary(rows: ReportRows, rules: Sequence[ClassRule]) -> dict[str, Any
     for kind in KINDS:
         own = rows.only(kind)
         if own.n:
-            kinds[kind] = confusion_counts(["" for _ in range(own.n)], own.texts["class"], [""], names)[0].tolist()
+            counted = own.texts["class"].counts()
+            kinds[kind] = [counted[name] for name in names]
     no_cells = rows.only("surface", "object")
     labelled = no_cells if no_cells.n else rows
     labels = labels_of(labelled)
-    counts = confusion_counts(labelled.texts["label"], labelled.texts["class"], labels, names)
+    counts = cross_counts(labelled.texts["label"], labelled.texts["class"], labels, names)
     return {
         "rules": [{"name": rule.name, "text": str(rule)} for rule in rules],
         "names": names,

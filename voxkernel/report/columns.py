@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 
-__all__ = ["Columns", "Lists", "Texts", "numbers_of"]
+__all__ = ["Columns", "Lists", "Texts", "cross_counts", "numbers_of"]
 
 T = TypeVar("T")
 _AT_ONCE = 20_000  # values that are Python objects at a time
@@ -79,26 +79,41 @@ class Texts(Sequence[str]):
         """Give some of the texts."""
         return Texts(self.codes[ids], self.words)
 
+    def places(self, words: Sequence[str]) -> NDArray[np.int32]:
+        """Give the place of each text among some words, -1 where it is none of them."""
+        pa, compute = optional("pyarrow"), optional("pyarrow.compute")
+        found = compute.index_in(self.words, value_set=pa.array(words, self.words.type)).fill_null(-1)
+        return found.to_numpy(zero_copy_only=False)[self.codes].astype(np.int32, copy=False)
+
+    def among(self, words: Sequence[str]) -> NDArray[np.bool_]:
+        """Say of each text whether it is one of some words."""
+        return self.places(words) >= 0
+
     def used(self) -> list[str]:
         """Give the words in use, in the order of the words."""
-        used = np.unique(self.codes)
-        return self.words.take(optional("pyarrow").array(used)).to_pylist()
+        return self._used_words(self._use()).to_pylist()
 
     def n_used(self) -> int:
         """How many different words are in use."""
-        return int(np.count_nonzero(np.bincount(self.codes))) if len(self.codes) else 0
+        return int(np.count_nonzero(self._use()))
 
     def counts(self) -> Counter[str]:
         """Count how often each word is used."""
-        used, n = np.unique(self.codes, return_counts=True)
-        return Counter(dict(zip(self.used(), n.tolist(), strict=True))) if len(used) else Counter()
+        n = self._use()
+        return Counter(dict(zip(self._used_words(n).to_pylist(), n[n > 0].tolist(), strict=True)))
 
     def extent(self) -> tuple[str, str] | None:
         """Give the first and the last text in order that are not ""; None where there is none."""
         compute = optional("pyarrow.compute")
-        words = self.words.take(optional("pyarrow").array(np.unique(self.codes)))
+        words = self._used_words(self._use())
         found = compute.min_max(words.filter(compute.not_equal(words, ""))).as_py()
         return None if found["min"] is None else (found["min"], found["max"])
+
+    def _use(self) -> NDArray[np.int64]:
+        return np.bincount(self.codes, minlength=len(self.words)).astype(np.int64, copy=False)
+
+    def _used_words(self, n: NDArray[np.int64]) -> Any:
+        return self.words if n.all() else self.words.take(optional("pyarrow").array(np.flatnonzero(n)))
 
 
 class Lists(Sequence[Any]):
@@ -135,10 +150,13 @@ class Lists(Sequence[Any]):
 
 
 class Columns(Generic[T]):
-    """Columns by name, each read when it is first asked for."""
+    """Columns by name, each read when it is first asked for, and held until it is forgotten.
 
-    def __init__(self, names: Sequence[str], read: Callable[[str], T]) -> None:
-        self._names, self._read = tuple(names), read
+    `source` are the columns that `read` takes them from, if it does.
+    """
+
+    def __init__(self, names: Sequence[str], read: Callable[[str], T], source: Columns[T] | None = None) -> None:
+        self._names, self._read, self._source = tuple(names), read, source
         self._held: dict[str, T] = {}
 
     def __getitem__(self, name: str) -> T:
@@ -148,6 +166,12 @@ class Columns(Generic[T]):
                 raise KeyError(name)
             self._held[name] = self._read(name)
         return self._held[name]
+
+    def forget(self, keep: Sequence[str] = ()) -> None:
+        """Free the memory of all columns but some; they are read again when they are asked for."""
+        self._held = {name: self._held[name] for name in keep if name in self._held}
+        if self._source is not None:
+            self._source.forget(keep)
 
     def __iter__(self) -> Iterator[str]:
         """The names."""
@@ -168,3 +192,13 @@ def numbers_of(column: Any) -> NDArray[np.float64]:
     if column.null_count == len(column):
         return np.broadcast_to(np.array(np.nan), len(column))
     return column.cast(pa.float64(), safe=False).fill_null(np.nan).to_numpy()
+
+
+def cross_counts(
+    truths: Texts, answers: Texts, rows: Sequence[str], columns: Sequence[str]
+) -> NDArray[np.int64]:
+    """Count how often each answer was given to each truth, as `confusion_counts` does, by codes."""
+    truth, answer = truths.places(rows), answers.places(columns)
+    counted = (truth >= 0) & (answer >= 0)
+    cells = truth[counted].astype(np.int64) * len(columns) + answer[counted]
+    return np.bincount(cells, minlength=len(rows) * len(columns)).reshape(len(rows), len(columns)).astype(np.int64)

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._extras import optional
 from voxkernel.report.charts import CLASS_OF, Axis, Chart
-from voxkernel.report.columns import Texts
+from voxkernel.report.columns import Texts, cross_counts
 from voxkernel.report.rows import ALL_SCORES, OUTCOMES, ReportRows
-from voxkernel.report.statistics import confusion_counts
 from voxkernel.report.text import count, number
 
 __all__ = ["comparison", "comparison_charts", "matched", "with_changes"]
 
-_RANK = {name: k for k, name in enumerate(OUTCOMES)}
 _MOST = 200  # rows listed of each sort
 _DOTS = 2000
 _BOX: dict[str, Any] = {"width": 300.0, "height": 286.0, "left": 50.0, "bottom": 242.0, "right": 286.0}
@@ -30,11 +29,45 @@ def matched(now: ReportRows, before: ReportRows) -> tuple[Pairs, str]:
     """
     for by in ("name", "name below the common folder"):
         cut = [0, 0] if by == "name" else [_shared(run) for run in (now, before)]
-        place = {key: j for j, key in enumerate(_keys(before, cut[1]))}
-        pairs = [(i, place[key]) for i, key in enumerate(_keys(now, cut[0])) if key in place]
-        if pairs:
-            return np.array(pairs, dtype=np.int64), by
+        pairs = _pairs(now, before, *_shared_files(now.texts["file"], before.texts["file"], cut))
+        if len(pairs):
+            return pairs, by
     return np.zeros((0, 2), dtype=np.int64), "name"
+
+
+def _shared_files(now: Texts, before: Texts, cut: list[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number the files of both runs alike, without the first letters of each: for each row, -1 where only now."""
+    compute = optional("pyarrow.compute")
+    words: list[Any] = []
+    places: list[NDArray[np.int64]] = []
+    for texts, n in zip((now, before), cut, strict=True):
+        used = np.flatnonzero(np.bincount(texts.codes, minlength=len(texts.words)))
+        place = np.full(len(texts.words), -1, np.int64)
+        place[used] = np.arange(len(used))
+        own = texts.words.take(optional("pyarrow").array(used)).cast("large_string")
+        words.append(compute.utf8_slice_codeunits(own, n) if n else own)
+        places.append(place[texts.codes])
+    found = compute.index_in(words[0], value_set=words[1]).fill_null(-1).to_numpy(zero_copy_only=False)
+    return found.astype(np.int64)[places[0]], places[1]
+
+
+def _pairs(now: ReportRows, before: ReportRows, files: NDArray[np.int64], others: NDArray[np.int64]) -> Pairs:
+    """Rows of the same file, cell and object; the last one where the other run has several."""
+    own = np.flatnonzero(files >= 0)
+    keys = [np.concatenate([files[own], others])]
+    for name in ("cell", "object"):
+        given = np.concatenate([now.numbers[name][own], before.numbers[name]])
+        keys.append(np.nan_to_num(given, nan=-1.0).astype(np.int64))
+    order = np.lexsort(keys[::-1])
+    is_new = np.zeros(len(order), bool)
+    for key in keys:
+        is_new[1:] |= key[order[1:]] != key[order[:-1]]
+    group = np.empty(len(order), np.int64)
+    group[order] = np.cumsum(is_new)
+    place = np.full(len(order), -1, np.int64)
+    np.maximum.at(place, group[len(own) :], np.arange(before.n))
+    found = place[group[: len(own)]]
+    return np.stack([own[found >= 0], found[found >= 0]], axis=1)
 
 
 def with_changes(now: ReportRows, before: ReportRows, pairs: Pairs) -> ReportRows:
@@ -53,8 +86,8 @@ def comparison(
     now: ReportRows, before: ReportRows, pairs: Pairs, *, matched_by: str, names: tuple[str, str]
 ) -> dict[str, Any]:
     """Say what became of each row of the other run; worse means less star-shaped, failed, or without its proof."""
-    was, is_now = list(before.outcome.taken(pairs[:, 1])), list(now.outcome.taken(pairs[:, 0]))
-    step = np.array([_RANK[b] - _RANK[a] for a, b in zip(was, is_now, strict=True)], dtype=np.int64)
+    was, is_now = before.outcome.taken(pairs[:, 1]), now.outcome.taken(pairs[:, 0])
+    step = is_now.places(OUTCOMES).astype(np.int64) - was.places(OUTCOMES)
     proof = now.numbers["certificate_verified"][pairs[:, 0]], before.numbers["certificate_verified"][pairs[:, 1]]
     lost = (proof[0] != 1.0) & (proof[1] == 1.0) & (step <= 0)
     regressions = pairs[(step > 0) | lost]
@@ -66,7 +99,7 @@ def comparison(
         "n_now": now.n, "n_before": before.n, "n_both": len(pairs),
         "only_now": {"n": len(alone_now), "rows": [now.name(i) for i in alone_now[:_MOST].tolist()]},
         "only_before": {"n": len(alone_before), "rows": [before.name(j) for j in alone_before[:_MOST].tolist()]},
-        "outcomes": list(OUTCOMES), "counts": confusion_counts(was, is_now, OUTCOMES, OUTCOMES).tolist(),
+        "outcomes": list(OUTCOMES), "counts": cross_counts(was, is_now, OUTCOMES, OUTCOMES).tolist(),
         "n_changed": int((step != 0).sum()),
         "regressions": _listed(now, before, regressions, np.abs(step[(step > 0) | lost])),
         "improvements": _listed(now, before, better, np.abs(step[step < 0])),
@@ -128,11 +161,6 @@ class _Upwards:
         return [
             (_BOX["bottom"] - (x - self._across.start) * self._scale, words) for x, words in self._across.ticks()
         ]
-
-
-def _keys(rows: ReportRows, cut: int) -> list[tuple[str, float, float]]:
-    cells, objects = (np.nan_to_num(rows.numbers[name], nan=-1.0).tolist() for name in ("cell", "object"))
-    return [(file[cut:], cell, own) for file, cell, own in zip(rows.texts["file"], cells, objects, strict=True)]
 
 
 def _shared(rows: ReportRows) -> int:

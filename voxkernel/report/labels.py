@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel.report.columns import cross_counts
 from voxkernel.report.rows import CELL_SCORES, OUTCOMES, SCORES, ReportRows
-from voxkernel.report.statistics import confusion_counts, quantiles, roc_curve
+from voxkernel.report.statistics import quantiles, roc_curve
 
 __all__ = ["MAX_LABELS", "label_summary", "labels_of", "star_truth"]
 
@@ -57,7 +58,7 @@ def label_summary(rows: ReportRows, star_labels: Sequence[str] | None) -> dict[s
         "n_unlabelled": rows.texts["label"].counts()[""],
         "names": labels,
         "outcomes": list(OUTCOMES),
-        "counts": confusion_counts(rows.texts["label"], rows.outcome, labels, OUTCOMES).tolist(),
+        "counts": cross_counts(rows.texts["label"], rows.outcome, labels, OUTCOMES).tolist(),
         "truth": None if truth is None else _binary(rows, *truth),
         "roc": _curves(rows, labels, truth),
         "distributions": _distributions(rows, labels),
@@ -68,18 +69,15 @@ def wrong_ids(rows: ReportRows, truth: tuple[list[str], list[str]] | None) -> li
     """Give the rows whose verdict is not what their label says; failed rows are not among them."""
     if truth is None:
         return []
-    labels, outcomes = np.array(rows.texts["label"], dtype=object), np.array(rows.outcome, dtype=object)
-    missed = np.isin(labels, truth[0]) & (outcomes == "not star-shaped")
-    false = np.isin(labels, truth[1]) & np.isin(outcomes, ("star-shaped", "degenerate"))
+    missed = rows.texts["label"].among(truth[0]) & rows.outcome.among(["not star-shaped"])
+    false = rows.texts["label"].among(truth[1]) & rows.outcome.among(["star-shaped", "degenerate"])
     return np.flatnonzero(missed | false).tolist()
 
 
 def _binary(rows: ReportRows, star: list[str], other: list[str]) -> dict[str, Any]:
     """A degenerate kernel is not empty: its surface counts as star-shaped."""
-    kinds = {**dict.fromkeys(star, "star"), **dict.fromkeys(other, "not")}
-    counts = confusion_counts(
-        [kinds.get(label, "") for label in rows.texts["label"]], rows.outcome, ["star", "not"], OUTCOMES
-    ).tolist()
+    each = cross_counts(rows.texts["label"], rows.outcome, [*star, *other], OUTCOMES)
+    counts = [each[: len(star)].sum(axis=0).tolist(), each[len(star) :].sum(axis=0).tolist()]
     (hit, flat, missed, _), (false, false_flat, right, _) = counts
     positive, negative = hit + flat + missed, false + false_flat + right
     good = hit + flat + right
@@ -93,32 +91,32 @@ def _binary(rows: ReportRows, star: list[str], other: list[str]) -> dict[str, An
         "accuracy": good / (positive + negative) if positive + negative else None,
         "sensitivity": (hit + flat) / positive if positive else None,
         "specificity": right / negative if negative else None,
-        "wrong": [_entry(rows, i) for i in wrong_ids(rows, (star, other))],
+        "wrong": _entries(rows, np.array(wrong_ids(rows, (star, other)), np.int64)),
     }
 
 
-def _entry(rows: ReportRows, i: int) -> dict[str, Any]:
-    cell = rows.numbers["cell"][i]
-    return {
-        "file": rows.texts["file"][i],
-        "cell": None if np.isnan(cell) else int(cell),
-        "label": rows.texts["label"][i],
-        "verdict": rows.outcome[i],
-    }
+def _entries(rows: ReportRows, ids: NDArray[np.int64]) -> list[dict[str, Any]]:
+    cells = rows.numbers["cell"][ids].tolist()
+    files, labels, verdicts = (texts.taken(ids) for texts in (rows.texts["file"], rows.texts["label"], rows.outcome))
+    return [
+        {"file": file, "cell": None if cell != cell else int(cell), "label": label, "verdict": verdict}
+        for file, cell, label, verdict in zip(files, cells, labels, verdicts, strict=True)
+    ]
 
 
 def _curves(rows: ReportRows, labels: list[str], truth: tuple[list[str], list[str]] | None) -> list[dict[str, Any]]:
     """One curve per score: star-shaped against not where the labels say so, else each label against the others."""
-    names = np.array(rows.texts["label"], dtype=object)
-    labelled = names != ""
+    names = rows.texts["label"]
+    labelled = ~names.among([""])
     if truth is not None:
-        groups: list[tuple[str, NDArray[np.bool_]]] = [("star-shaped", np.isin(names, truth[0]))]
+        groups = [("star-shaped", truth[0])]
     elif len(labels) > 1:
-        groups = [(label, names == label) for label in labels]
+        groups = [(label, [label]) for label in labels]
     else:
         return []
     curves: list[dict[str, Any]] = []
-    for name, chosen in groups:
+    for name, words in groups:
+        chosen = names.among(words)
         scores: dict[str, Any] = {}
         for score in (*SCORES, *CELL_SCORES):
             values = score.sign * rows.numbers[score.column][labelled]
@@ -136,15 +134,15 @@ def _curves(rows: ReportRows, labels: list[str], truth: tuple[list[str], list[st
 
 
 def _distributions(rows: ReportRows, labels: list[str]) -> dict[str, list[dict[str, Any]]]:
-    names = np.array(rows.texts["label"], dtype=object)
+    names = rows.texts["label"].places(labels)
     found: dict[str, list[dict[str, Any]]] = {}
     for score in (*SCORES, *CELL_SCORES):
         if not rows.has(score.column):
             continue
         values = rows.numbers[score.column]
         found[score.name] = []
-        for label in labels:
-            own = values[(names == label) & np.isfinite(values)]
+        for k, label in enumerate(labels):
+            own = values[(names == k) & np.isfinite(values)]
             found[score.name].append({
                 "label": label, "n": len(own),
                 "min": float(own.min()) if len(own) else None, "max": float(own.max()) if len(own) else None,

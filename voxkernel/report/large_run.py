@@ -27,7 +27,7 @@ def rows_to_show(rows: ReportRows, n: int) -> NDArray[np.int64]:
     chosen = [failed[: n // 4]]
     kinds = [ids for ids in _of_each_kind(rows, failed) if len(ids)]
     for ids in kinds:
-        chosen.append(np.array(worst_first(rows, ids.tolist())[: n // 4 // len(kinds)], np.int64))
+        chosen.append(np.array(worst_first(rows, ids)[: n // 4 // len(kinds)], np.int64))
     first = np.unique(np.concatenate(chosen))
     others = np.setdiff1d(np.arange(rows.n), first)
     even = np.linspace(0, len(others) - 1, min(len(others), n - len(first))).round().astype(np.int64)

@@ -86,8 +86,9 @@ def worst_objects(rows: ReportRows, n: int) -> list[int]:
     """Objects with a picture: those least seen first, then those that most rays describe worst."""
     objects = np.array(_objects(rows), np.int64)
     ids = [i for i, name in zip(objects.tolist(), rows.texts["thumbnail"].taken(objects), strict=True) if name]
-    last = {i: (rows.lists["iou"][i] or [1.0])[-1] for i in ids}
-    return sorted(ids, key=lambda i: (rows.numbers["voxels_seen"][i], last[i], i))[:n]
+    overlaps, seen = rows.lists["iou"], rows.numbers["voxels_seen"]
+    last = {i: (overlaps[i] or [1.0])[-1] for i in ids}
+    return sorted(ids, key=lambda i: (seen[i], last[i], i))[:n]
 
 
 def _objects(rows: ReportRows) -> list[int]:

@@ -112,9 +112,9 @@ class ReportRows(Frozen):
         """Give some rows; what is read of them is read of all."""
         return ReportRows(
             len(ids),
-            Columns(list(self.texts), lambda name: self.texts[name].taken(ids)),
-            Columns(list(self.numbers), lambda name: self.numbers[name][ids]),
-            Columns(list(self.lists), lambda name: self.lists[name].taken(ids)),
+            Columns(list(self.texts), lambda name: self.texts[name].taken(ids), self.texts),
+            Columns(list(self.numbers), lambda name: self.numbers[name][ids], self.numbers),
+            Columns(list(self.lists), lambda name: self.lists[name].taken(ids), self.lists),
             self.outcome.taken(ids),
         )
 
@@ -125,11 +125,22 @@ class ReportRows(Frozen):
         numbers = numbers or {}
         return ReportRows(
             self.n,
-            Columns([*self.texts, *texts], lambda name: texts[name] if name in texts else self.texts[name]),
-            Columns([*self.numbers, *numbers], lambda name: numbers[name] if name in numbers else self.numbers[name]),
+            Columns([*self.texts, *texts], lambda name: texts[name] if name in texts else self.texts[name], self.texts),
+            Columns(
+                [*self.numbers, *numbers],
+                lambda name: numbers[name] if name in numbers else self.numbers[name],
+                self.numbers,
+            ),
             self.lists,
             self.outcome,
         )
+
+    def forget(self) -> None:
+        """Free the memory of columns between two uses, but for the texts that nearly every use needs."""
+        self.texts.forget(("file", "label"))
+        self.numbers.forget()
+        self.lists.forget()
+        optional("pyarrow").default_memory_pool().release_unused()
 
     def name(self, i: int) -> str:
         """Name a row: its file, and its cell if it is one."""
@@ -173,14 +184,15 @@ def open_run_index(run: str) -> RunIndex:
         raise FileNotFoundError(f"`run` must be the output of an evaluation; got '{run}', which does not exist")
     if not fs.exists(f"{path}/rows") and not fs.exists(f"{path}/settings.json"):
         raise FileNotFoundError(f"`run` must be the output of an evaluation; got '{run}', which has no rows")
-    return open_index(fs, path)
+    index = open_index(fs, path)
+    index.forget_keys()
+    return index
 
 
 def from_index(index: RunIndex) -> ReportRows:
     """Take columns out of a run when they are needed."""
     from voxkernel.run_table import schema
 
-    index.forget_keys()
     return _rows(schema(), len(index), index.table, lambda name: Texts(*index.words(name)))
 
 
@@ -207,7 +219,7 @@ def _rows(schema: Any, n: int, read: Callable[[list[str]], Any], text: Callable[
     )
 
 
-def worst_first(rows: ReportRows, ids: Sequence[int]) -> list[int]:
+def worst_first(rows: ReportRows, ids: Sequence[int] | NDArray[np.int64]) -> list[int]:
     """Sort rows from the least star-shaped: larger defect or hidden share first, then smaller ratio, then the order."""
     own = np.asarray(ids, np.int64)
     defect = np.nan_to_num(rows.numbers["violation_upper"][own], nan=0.0)

@@ -59,6 +59,13 @@ def summarize(
     own = {kind: rows.only(kind) for kind in by_kind}
     no_cells = rows.only("surface", "object")
     cells = np.isfinite(rows.numbers["cell"])
+
+    def alone(found: Any) -> Any:
+        """Hold no columns of the others with those that are large."""
+        for some in (rows, no_cells, *own.values()):
+            some.forget()
+        return found
+
     return {
         "run": run,
         "version": __version__,
@@ -68,25 +75,25 @@ def summarize(
         "n_objects": int(np.isfinite(rows.numbers["object"]).sum()),
         "kinds": kind_summary(rows),
         "volume_meshes": volume_meshes(rows),
-        "objects": object_summary(rows),
+        "objects": alone(object_summary(rows)),
         "left_out": None if left_out is None else [{"suffix": suffix, "n": n} for suffix, n in left_out],
         "counts": {name: counts.get(name, 0) for name in OUTCOMES},
         "failures": _failures(rows),
         "certificates": _certificates(rows),
-        "other_scale": _other_scale(own["surface"]),
+        "other_scale": alone(_other_scale(own["surface"])),
         "scores": {
             s.name: _score(own[kind], s.column)
             for kind, scores in by_kind.items() for s in scores if own[kind].has(s.column)
         },
-        "spearman": [pair for kind, scores in by_kind.items() for pair in _agreement(own[kind], scores)],
-        "profile": _profile(rows),
-        "labels": label_summary(no_cells if no_cells.n else rows, star_labels),
+        "spearman": alone([pair for kind, scores in by_kind.items() for pair in _agreement(own[kind], scores)]),
+        "profile": alone(_profile(rows)),
+        "labels": alone(label_summary(no_cells if no_cells.n else rows, star_labels)),
         "worst": [_shape(no_cells, i) for i in _worst(no_cells)[:n_worst]],
         "worst_cells": [_shape(own["cell"], i) for i in _worst(own["cell"])[:n_worst]],
-        "seconds": _seconds(rows),
+        "seconds": alone(_seconds(rows)),
         "settings": _distinct(rows, "settings"),
         "versions": _distinct(rows, "versions"),
-        "finished": _finished(rows),
+        "finished": alone(_finished(rows)),
     }
 
 
@@ -147,11 +154,11 @@ def _profile(rows: ReportRows) -> dict[str, Any] | None:
         return None
     ids, tolerances, shares, n_known = known
     # A run with labels may have none where there is a profile: those rows are one group then.
-    named = np.array(rows.texts["label"].taken(ids), dtype=object)
-    labels = [label for label in labels_of(rows) if (named == label).any()]
+    named = rows.texts["label"].taken(ids)
+    labels = [label for label in labels_of(rows) if named.among([label]).any()]
     groups: list[dict[str, Any]] = []
     for label in labels or [""]:
-        own = named == label if labels else np.ones(len(ids), bool)
+        own = named.among([label]) if labels else np.ones(len(ids), bool)
         bands = np.stack([np.quantile(column[own], list(_BAND)) for column in shares.T], axis=1)
         groups.append({
             "label": label, "n": int(own.sum()),
@@ -190,7 +197,9 @@ def _usual_profiles(
 
 
 def _worst(rows: ReportRows) -> list[int]:
-    return worst_first(rows, np.setdiff1d(np.arange(rows.n), rows.ids("failed")).tolist())
+    done = np.ones(rows.n, bool)
+    done[rows.ids("failed")] = False
+    return worst_first(rows, np.flatnonzero(done))
 
 
 def _shape(rows: ReportRows, i: int) -> dict[str, Any]:

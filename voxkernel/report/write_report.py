@@ -137,9 +137,8 @@ def _written(
     left_out = read_left_out(where)
     rows, more = _extended(rows, where, classes, compare)
     summary = summarize(rows, run=where, left_out=left_out, n_worst=n_worst, star_labels=star_labels) | more
-    document = _document(summary)
     if kind == "json":
-        text = json_text({"title": heading, **document}, indent=1) + "\n"
+        text = json_text({"title": heading, **_document(summary)}, indent=1) + "\n"
     elif kind == "markdown":
         from voxkernel.report.markdown import render_markdown
 
@@ -151,12 +150,16 @@ def _written(
         figures = write_figures(target, rows, summary)
         text = render_latex(summary, title=heading, figures=figures)
     else:
-        shown = rows if beside is None else _part(rows, index, rows_to_show(rows, MOST_ROWS))
+        shown = rows
+        if beside is not None:
+            ids = rows_to_show(rows, MOST_ROWS)
+            rows.forget()
+            shown = _part(rows, index, ids)
         name = "" if beside is None else beside.name
         text = _page(rows, shown, name, summary, where, heading, star_labels, n_views, max_bytes)
     with whole_file(target) as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))  # stray bytes of names become escapes
-    return document
+    return _document(summary)
 
 
 def _part(rows: ReportRows, index: RunIndex, ids: NDArray[np.int64]) -> ReportRows:
@@ -190,7 +193,9 @@ def _extended(
             pairs, matched_by = matched(rows, before)
             more["comparison"] = comparison(rows, before, pairs, matched_by=matched_by, names=names)
             more["comparison"]["charts"] = comparison_charts(rows, before, pairs)
+            rows.forget()
             rows = with_changes(rows, before, pairs)
+            before.forget()
     return rows, more
 
 
