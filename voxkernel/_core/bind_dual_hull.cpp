@@ -37,8 +37,7 @@ void bind_dual_hull(nb::module_& m) {
       "solid_measures",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array<const double, 3> center,
          Array2<double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring,
-         Array1<const std::int32_t> rows_,
-         double proven, Array<const double, 3> origin, double scale) {
+         Array1<const std::int32_t> rows_, double proven, Array<const double, 3> origin, double scale) {
         const auto to_world = [&](double* points, Index n) {
           for (Index i = 0; i < 3 * n; ++i) points[i] = (center(i % 3) + points[i]) * scale + origin(i % 3);
         };
