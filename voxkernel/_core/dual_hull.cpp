@@ -148,7 +148,7 @@ class PolytopeReader {
         std::sort(t.corner, t.corner + 3, [&](Place a, Place b) { return row_of(a) < row_of(b); });
       }
     });
-    corners_ = static_cast<Corners*>(static_cast<void*>(hull_.triangles.get()));
+    corners_ = reinterpret_cast<Corners*>(hull_.triangles.get());  // written never beyond what was read
     Place next = 0;
     for (Place i = 0; i < hull_.size; ++i) {
       stop_.poll();
