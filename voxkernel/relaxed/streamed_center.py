@@ -13,12 +13,12 @@ from voxkernel._core import least_violated
 from voxkernel.exact import KernelPolytope
 from voxkernel.exact.exact_kernel import kernel_of_stream
 from voxkernel.halfspaces import Domain, HalfSpaces
-from voxkernel.halfspaces.surface_arguments import RELAXED, SurfaceArgument, surface_argument
+from voxkernel.halfspaces.surface_arguments import SurfaceArgument, surface_argument
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
 from voxkernel.relaxed.root_cube import RootCube, cube_planes
 from voxkernel.relaxed.star_center import MAX_CELLS, StarCenter, skew_cube
-from voxkernel.relaxed.streamed_violation import StreamedWeights
+from voxkernel.relaxed.streamed_violation import StreamedWeights, relaxed_region
 from voxkernel.relaxed.thick_planes import ThickPlanes
 
 __all__ = ["center_of_stream", "streamed_center"]
@@ -62,13 +62,7 @@ def center_of_stream(
         return in_memory(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, gap, ratio)
     weighed = StreamedWeights(reader, weights)
     known = weighed.share_of_facets([i for i in kernel.certificate.facet_ids if i >= 0])
-    try:
-        region = reader.domain(domain, RELAXED)
-    except ValueError:  # a closed surface that lies in one plane, or nearly
-        if domain is not None:
-            raise
-        region = reader.ball()
-    assert region is not None  # the row has no ""
+    region = relaxed_region(reader, domain)
     cube = skew_cube(region, np.eye(3))
     thick = _gathered(weighed, cube)
     point, best, lower, n_cells = _searched(thick, weighed, region, cube, gap, ratio)

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import Domain, HalfSpaces
+from voxkernel.halfspaces.surface_arguments import RELAXED
 from voxkernel.large.passes import workers_of
 from voxkernel.large.streamed_planes import StreamedPlanes
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes
 from voxkernel.relaxed.violated_units import violated_units
 
-__all__ = ["StreamedWeights", "streamed_violation"]
+__all__ = ["StreamedWeights", "relaxed_region", "streamed_violation"]
 
 
 class StreamedWeights:
@@ -82,6 +83,18 @@ def _checked(weights: Any, reader: SurfaceReader) -> str | NDArray[np.float64]:
     if not (np.isfinite(given) & (given >= 0.0)).all():
         raise ValueError("`weights` must be finite and >= 0; got a value that is not")
     return given
+
+
+def relaxed_region(reader: SurfaceReader, domain: Any) -> Domain:
+    """Give the domain in which relaxed kernels of a stream lie: as asked for, else that of its kind of surface."""
+    try:
+        region = reader.domain(domain, RELAXED)
+    except ValueError:  # a closed surface that lies in one plane, or nearly
+        if domain is not None:
+            raise
+        region = reader.ball()
+    assert region is not None  # the row has no ""
+    return region
 
 
 def streamed_violation(

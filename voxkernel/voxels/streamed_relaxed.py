@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from voxkernel._core import StopFlag, add_open_weights
 from voxkernel._threads import run_parts
 from voxkernel.halfspaces import Domain, HalfSpaces
-from voxkernel.halfspaces.surface_arguments import RELAXED
 from voxkernel.large.streamed_feasibility import find_streamed_feasibility
 from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.best_center import GAP, center_of_planes
 from voxkernel.relaxed.facet_weights import WeighedPlanes
 from voxkernel.relaxed.root_cube import MIN_DEPTH, RootCube, cube_planes, root_cube
 from voxkernel.relaxed.streamed_center import streamed_center
-from voxkernel.relaxed.streamed_violation import StreamedWeights
+from voxkernel.relaxed.streamed_violation import StreamedWeights, relaxed_region
 from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.relaxed_octree import RelaxedCells
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, still_apart, wrap_relaxed
@@ -48,7 +47,7 @@ def relaxed_kernel_of_stream(
     if above_least:
         least = streamed_center(reader, domain, "area", GAP, 0.0, center_of_planes).violation_bounds[1]
         share = min(1.0, least + share)
-    region = _region(reader, domain)
+    region = relaxed_region(reader, domain)
     depth, voxel_size, rtol = step
     weights = StreamedWeights(reader, "area")
     dimension = find_streamed_feasibility(weights.planes.in_domain(region)).dimension
@@ -70,17 +69,6 @@ def relaxed_kernel_of_stream(
                 reason = still_apart(apart) if reached == RTOL_MAX_DEPTH else text
                 break
     return wrap_relaxed(cells, share, cube, reached, dimension, region, reason)
-
-
-def _region(reader: SurfaceReader, domain: Any) -> Domain:
-    try:
-        region = reader.domain(domain, RELAXED)
-    except ValueError:  # a closed surface that lies in one plane, or nearly
-        if domain is not None:
-            raise
-        region = reader.ball()
-    assert region is not None  # the row has no ""
-    return region
 
 
 class _Cells(NamedTuple):
