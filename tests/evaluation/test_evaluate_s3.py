@@ -14,7 +14,7 @@ from voxkernel.evaluation.store import RunStore
 from voxkernel.evaluation.worker import Outcome
 
 for needed in ("s3fs", "moto", "flask", "flask_cors"):
-    pytest.importorskip(needed, reason=f"`{needed}` is not installed; the extra `test` brings it")
+    pytest.importorskip(needed, reason=f"`{needed}` is not installed; CI installs it")
 
 ONE = EvaluateSettings(workers=1)
 
