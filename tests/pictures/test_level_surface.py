@@ -1,5 +1,6 @@
 """Relaxed kernels as level surfaces, domain outlines, the centre and up: known shapes, PNG and HTML."""
 
+import importlib
 import json
 import re
 
@@ -65,6 +66,20 @@ def test_voxels_on_request(torus):
     assert not blocks.is_smooth
     np.testing.assert_array_equal(blocks.kernel_vertices, kernel.to_mesh().vertices)
     assert not np.isin(smooth.kernel_vertices[:, 0], blocks.kernel_vertices[:, 0]).all()
+
+
+def test_large_surfaces_are_contoured_more_coarsely_or_shown_as_voxels(torus, monkeypatch):
+    mesh, kernel = torus
+    scene = importlib.import_module("voxkernel.pictures.scene")
+    n_faces = []
+    for samples in (33, 17, 15):
+        monkeypatch.setattr(scene, "_PAIRS", 1.01 * mesh.n_facets * samples**3)
+        made = make_scene(mesh, kernel, resolution=32)
+        n_faces.append(len(made.kernel_faces))
+        assert made.is_smooth == (samples >= 16)
+    assert n_faces[0] == len(level_surface(mesh, kernel, resolution=32)[1])
+    assert n_faces[1] == len(level_surface(mesh, kernel, resolution=17)[1])
+    assert n_faces[2] == len(kernel.to_mesh().faces)
 
 
 def test_the_outline_of_a_cube_and_of_a_ball():

@@ -32,6 +32,8 @@ _COARSE = 300
 _FLAT = 1.0 - 1e-6
 # Sharp edges that hang together for less than this share of the diagonal are specks, not features.
 _SPECK = 0.3
+_PAIRS = 5e8  # samples times facets of a contour: about a second
+_LEAST = 16  # samples along an edge; voxels look better than fewer
 _Y_UP = (".glb", ".gltf")  # by their specification
 
 
@@ -101,8 +103,9 @@ def make_scene(
 ) -> Scene:  # fmt: skip
     """Collect what to draw; `kernel` is a KernelPolytope, a KernelGrid or None, `up` a unit vector or None.
 
-    A relaxed kernel is contoured with that `resolution`; 0 shows its voxels. `center` is the point to mark; of a
-    polytope the deepest one by default.
+    A relaxed kernel is contoured with that `resolution`, or a coarser one of large surfaces; 0 shows its voxels, as do
+    surfaces of more than some 120,000 facets: each sample is held against each facet. `center` is the point to mark;
+    of a polytope the deepest one by default.
     """
     corners = mesh.vertices[mesh.faces]
     normals = mesh.facet_normals
@@ -111,6 +114,7 @@ def make_scene(
     points, triangles, edges = _kernel_parts(kernel)
     cut = kernel.domain if kernel is not None and is_cut_by_domain(kernel, points) else None
     is_smooth = False
+    resolution = _affordable(resolution, mesh.n_facets)
     if tolerance and resolution and len(points) and kernel is not None:
         smooth = level_surface(mesh, kernel, resolution=resolution)
         is_smooth = len(smooth[1]) > 0  # a kernel thinner than the samples is shown as its voxels
@@ -136,6 +140,11 @@ def make_scene(
         np.zeros((0, 3)) if center is None else center.reshape(1, 3), _CENTER_NAMES[bool(tolerance)],
         is_smooth,
     )  # fmt: skip
+
+
+def _affordable(resolution: int, n_facets: int) -> int:
+    most = int((_PAIRS / max(n_facets, 1)) ** (1.0 / 3.0))
+    return resolution if resolution <= most else most if most >= _LEAST else 0
 
 
 def _upward(mesh: TriangleMesh, front: NDArray[np.float64]) -> NDArray[np.float64]:

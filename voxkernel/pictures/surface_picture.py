@@ -52,8 +52,8 @@ def surface_picture(
         The direction that points up in the picture; by default that of the file (y of ``.glb``), else y or z, whichever
         is longer. Open surfaces look at the viewer.
     voxels : bool
-        Draw a relaxed kernel as its voxels; by default as the smooth surface on which the violation reaches the
-        tolerance, contoured on a grid.
+        Draw a relaxed kernel as its voxels; by default, of surfaces of up to some 120,000 facets, as the smooth surface
+        on which the violation reaches the tolerance, contoured on a grid.
 
     Raises
     ------

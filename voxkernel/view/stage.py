@@ -19,6 +19,7 @@ __all__ = ["HIDDEN", "PROOF", "Stage"]
 HIDDEN, PROOF, PROBE = "#3d5a80", "#f0c000", "#1d2733"
 _ANGLE = 30.0  # of the browser's camera, degrees
 _ASPECT = 1.2  # of the picture, in a window of usual size
+_RESOLUTION = 24  # of relaxed kernels, as one waits for them
 _BALL = 0.014  # radius of guards, in diagonals
 
 
@@ -89,7 +90,7 @@ class Stage:
         """Draw the kernel of a stop of the slider; each is made into triangles once."""
         self._kernel = stop
         if stop not in self._scenes:
-            self._scenes[stop] = make_scene(self.shown.mesh, self.shown.kernels[stop])
+            self._scenes[stop] = make_scene(self.shown.mesh, self.shown.kernels[stop], resolution=_RESOLUTION)
         scene = self._scenes[stop]
         self._solid.prop.color, self._edges.prop.color = scene.kernel_color, scene.kernel_line_color
         points = scene.kernel_vertices
