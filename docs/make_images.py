@@ -82,7 +82,8 @@ def photograph() -> None:
         page.goto(viewer.url)
         page.wait_for_selector("html[data-ready=yes]")
         page.locator("#vk-stop").fill("3")
-        page.wait_for_timeout(3000)
+        page.wait_for_function("document.body.innerText.includes('relaxed, up to')")
+        page.wait_for_timeout(3000)  # until it is drawn
         page.screenshot(path="viewer.png")
         browser.close()
 
