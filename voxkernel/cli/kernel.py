@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from voxkernel.cli.argument_types import whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -63,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     grid = parser.add_argument_group("voxel grid")
     step = grid.add_mutually_exclusive_group()
-    step.add_argument("--depth", type=_depth, metavar="N", help="2**N voxels along the root cube, 3 to 20")
+    step.add_argument("--depth", type=whole(3, 20), metavar="N", help="2**N voxels along the root cube, 3 to 20")
     step.add_argument("--voxel-size", type=_positive, metavar="H", help="edge of a voxel, in mesh units")
     step.add_argument("--rtol", type=_positive, metavar="R", help="refine until the volume bounds are this close")
     relaxed = grid.add_mutually_exclusive_group()
@@ -222,16 +223,6 @@ def _direction(text: str) -> list[float]:
     if len(values) != 3 or not any(values) or not all(abs(v) < float("inf") for v in values):
         raise argparse.ArgumentTypeError(f"must be three numbers X,Y,Z, not all 0; got {text}")
     return values
-
-
-def _depth(text: str) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if not 3 <= value <= 20:
-        raise argparse.ArgumentTypeError(f"must be a whole number from 3 to 20; got {text}")
-    return value
 
 
 def _threads(text: str) -> int:

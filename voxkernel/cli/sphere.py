@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from voxkernel.cli.argument_types import whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -50,8 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--domain", choices=("ball", "hull", "box"), help="where to look for the centre")
     grid = parser.add_argument_group("grid")
     grid.add_argument("--grid", choices=("equiangular", "gauss-legendre", "healpix"), default="equiangular")
-    grid.add_argument("-n", type=_resolution, default=128, metavar="N", help="rings, or n_side of healpix")
-    grid.add_argument("--degree", type=_degree, default=32, metavar="L", help="of the spherical harmonics in .npz")
+    grid.add_argument("-n", type=whole(2, 4096), default=128, metavar="N", help="rings, or n_side of healpix")
+    grid.add_argument(
+        "--degree", type=whole(0, 256), default=32, metavar="L", help="of the spherical harmonics in .npz"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -174,22 +177,4 @@ def _nonnegative(text: str) -> float:
         value = -1.0
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a number not below 0; got {text}")
-    return value
-
-
-def _resolution(text: str) -> int:
-    return _whole(text, 2, 4096)
-
-
-def _degree(text: str) -> int:
-    return _whole(text, 0, 256)
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = low - 1
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"must be a whole number from {low} to {high}; got {text}")
     return value

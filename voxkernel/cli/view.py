@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from voxkernel.cli.argument_types import whole
 from voxkernel.cli.output import UsageError, check_output, display, say
 
 HELP = "a mesh and its kernels in the browser, to turn, cut and probe"
@@ -29,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
     parser.add_argument("-o", "--output", metavar="FILE", help="page.html, instead of a server")
-    parser.add_argument("--port", type=_port, default=0, metavar="N", help="port on 127.0.0.1; a free one by default")
+    parser.add_argument(
+        "--port", type=whole(1, 65535), default=0, metavar="N", help="port on 127.0.0.1; a free one by default"
+    )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument(
         "--domain", choices=("ball", "hull", "box"), help="where to look (closed surfaces: hull, open ones: ball)"
@@ -37,7 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tolerances", type=_shares, metavar="A,B,...", help="stops of the slider, shares of the area turned away"
     )
-    parser.add_argument("--depth", type=_depth, default=6, metavar="N", help="2**N voxels along the domain, 3 to 10")
+    parser.add_argument(
+        "--depth", type=whole(3, 10), default=6, metavar="N", help="2**N voxels along the domain, 3 to 10"
+    )
     parser.add_argument("--guards", type=_share, metavar="S", help="show guards that together see this share")
 
 
@@ -105,18 +110,6 @@ def _served(shown: Any, args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             say("the viewer has ended", quiet=args.quiet)
     return 0
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"must be a whole number from 1 to 65535; got {text}")
-    return int(text)
-
-
-def _depth(text: str) -> int:
-    if not text.isdecimal() or not 3 <= int(text) <= 10:
-        raise argparse.ArgumentTypeError(f"must be a whole number from 3 to 10; got {text}")
-    return int(text)
 
 
 def _share(text: str) -> float:
