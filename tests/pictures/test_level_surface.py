@@ -111,6 +111,19 @@ def test_a_domain_is_shown_only_where_it_cuts():
     np.testing.assert_array_equal(whole.center, exact_kernel(cube).deepest_point[None])
 
 
+def test_voxels_reach_the_border_of_a_domain_of_many_planes(torus, monkeypatch):
+    """One plane at a time says what all voxels and all planes at once do."""
+    monkeypatch.setattr(importlib.import_module("voxkernel.pictures.domain_outline"), "_PRODUCTS", 1)
+    star = as_mesh(shapes.spiky(2))
+    found = []
+    for kernel in (torus[1], voxel_kernel(star, depth=5, domain="ball"), voxel_kernel(star, depth=5, domain="hull")):
+        points = kernel.to_mesh().vertices
+        far = (points @ kernel.domain.normals.T - kernel.domain.offsets).max()
+        found.append(is_cut_by_domain(kernel, points))
+        assert found[-1] == (far > -1.5 * kernel.voxel_size)
+    assert set(found) == {True, False}
+
+
 @pytest.mark.parametrize(
     ("sizes", "source", "up"),
     [

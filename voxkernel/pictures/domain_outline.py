@@ -14,6 +14,7 @@ __all__ = ["domain_outline", "is_cut_by_domain"]
 
 _CIRCLE = 96  # segments
 _MOST = 3000  # edges of a hull; of finer ones only the sharp are drawn
+_PRODUCTS = 1 << 20  # of a corner and a plane, held at a time
 _FLAT, _SHARP = 1.0 - 1e-9, float(np.cos(np.radians(12.0)))
 
 
@@ -24,7 +25,14 @@ def is_cut_by_domain(kernel: Any, points: NDArray[np.float64]) -> bool:
         return False
     if isinstance(kernel, KernelPolytope):
         return kernel.cut_by_domain
-    return float((points @ domain.normals.T - domain.offsets).max()) > -1.5 * kernel.voxel_size
+    from scipy.spatial import ConvexHull
+
+    corners = points[ConvexHull(points).vertices]  # the first to reach a plane, and few
+    step, near = max(1, _PRODUCTS // len(corners)), -1.5 * kernel.voxel_size
+    return any(
+        float((corners @ domain.normals[k : k + step].T - domain.offsets[k : k + step]).max()) > near
+        for k in range(0, len(domain.offsets), step)
+    )
 
 
 def domain_outline(domain: Domain) -> NDArray[np.float64]:
