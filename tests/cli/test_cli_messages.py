@@ -274,3 +274,17 @@ def test_a_stage_ends_with_its_error(monkeypatch):
     with pytest.raises(ValueError, match="no"):
         fail()
     assert stream.getvalue().endswith("\r\x1b[K")
+
+
+def test_a_file_that_fails_does_not_stop_info_about_others(folder, capsys):
+    (folder / "nothing.ply").write_bytes(b"")
+    code, out, _ = said(capsys, "info", "cube.ply", "nothing.ply", "lost.ply", "cube.ply", "--json")
+    documents = json.loads(out)
+    assert code == 1
+    assert documents[0] == documents[3]
+    assert documents[1]["error"].startswith("'nothing.ply' cannot be read")
+    assert documents[2]["error"] == "'lost.ply' does not exist"
+    code, out, err = said(capsys, "info", "lost.vdb", "cube.ply")
+    assert code == 1
+    assert "closed" in out
+    assert err.splitlines() == ["'lost.vdb' does not exist", "voxkernel: 1 of 2 files failed"]

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from voxkernel._sizes import size_notes
-from voxkernel.cli.messages import spoken
-from voxkernel.cli.output import display, number, print_json, print_table, say
+from voxkernel.cli.messages import option_names, spoken
+from voxkernel.cli.output import display, number, print_json, print_table, report_error, say
+from voxkernel.errors import VoxKernelError
 
 if TYPE_CHECKING:
     from voxkernel.labels import LabelImage
@@ -36,16 +37,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the facts of each file; of several meshes also which are of another scale."""
+    """Print the facts of each file; of several, one that fails does not stop the others, and other scales are noted."""
     documents: list[dict[str, Any]] = []
+    n_failed = 0
     for k, path in enumerate(args.paths):
         if k and not args.json:
             print()
-        if Path(path).suffix.lower() == ".vdb" and not args.json:
-            _print_vdb(path)
+        try:
+            if Path(path).suffix.lower() == ".vdb" and not args.json:
+                _print_vdb(path)
+                continue
+            with args.stage(f"reading {display(path)}"):
+                facts = facts_of(path)
+        except (VoxKernelError, OSError, ValueError, MemoryError) as error:
+            if len(args.paths) == 1:
+                raise
+            n_failed += 1
+            reason = " ".join(spoken(str(error), option_names(args.parser)).split()) or type(error).__name__
+            documents.append({"file": path, "error": reason})
+            report_error(reason)
             continue
-        with args.stage(f"reading {display(path)}"):
-            documents.append({"file": path, **facts_of(path)})
+        documents.append({"file": path, **facts})
         if not args.json:
             print_table({name.replace("_", " "): _text(value) for name, value in documents[-1].items()})
     for k, note in size_notes([document.get("diagonal") for document in documents]).items():
@@ -54,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
             say(f"{display(documents[k]['file'])}: {note}", quiet=args.quiet)
     if args.json:
         print_json(documents[0] if len(documents) == 1 else documents)
-    return 0
+    if n_failed:
+        say(f"{n_failed} of {len(args.paths)} files failed", quiet=args.quiet)
+    return 1 if n_failed else 0
 
 
 def facts_of(path: str) -> dict[str, Any]:
