@@ -24,7 +24,7 @@ from voxkernel._plain import json_text
 __all__ = [
     "COLUMNS", "Part", "csv_line", "current_rows", "defused", "extra_of", "is_local", "open_part", "open_run",
     "part_names", "read_part", "read_parts", "read_rows", "read_settings", "remove_parts", "remove_unfinished",
-    "schema", "to_table", "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings",
+    "schema", "to_table", "told", "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings",
     "write_table_part",
 ]  # fmt: skip
 
@@ -107,7 +107,20 @@ def open_run(run: str) -> tuple[Any, str]:
         fs, path = fsspec.core.url_to_fs(run)
     except ImportError as error:
         raise ValueError(f"'{run}' cannot be opened: {error}{extra_of(run)}") from error
-    return fs, str(path).rstrip("/") or "/"
+    path = str(path).rstrip("/") or "/"
+    if not is_local(fs):
+        with told(run):
+            fs.exists(path)
+    return fs, path
+
+
+@contextmanager
+def told(url: str) -> Generator[None]:
+    """Say in one line why a store does not answer, whose errors are of its own kinds: no key, no network, no right."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"'{url}' cannot be opened: {' '.join(str(error).split()) or type(error).__name__}") from error
 
 
 def extra_of(url: str) -> str:

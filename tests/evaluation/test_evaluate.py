@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 import shapes
 
-from voxkernel import as_mesh, run_table
+from voxkernel import as_mesh, run_table, write_report
 from voxkernel import defect_profile as profile_of
 from voxkernel import starshapeness as score_of
 from voxkernel.cli import main as cli
@@ -682,3 +682,22 @@ def test_bar_on_a_terminal(monkeypatch, capsys):
     said = capsys.readouterr()
     assert said.out == ""
     assert "1 failed" in said.err
+
+
+def test_a_store_that_lets_nobody_in_is_one_line(tmp_path):
+    """Its errors are of its own kinds."""
+
+    class Closed(fsspec.AbstractFileSystem):
+        protocol = "closed"
+
+        def exists(self, path, **kwargs):
+            raise RuntimeError("unable to locate\ncredentials")
+
+        isdir = exists
+
+    fsspec.register_implementation("closed", Closed, clobber=True)
+    told = "'closed://a/b' cannot be opened: unable to locate credentials"
+    with pytest.raises(ValueError, match=told):
+        evaluate("closed://a/b", output=tmp_path / "run")
+    with pytest.raises(ValueError, match=told):
+        write_report(tmp_path / "report.html", "closed://a/b")

@@ -17,7 +17,7 @@ from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.labels import is_label_file
-from voxkernel.run_table import defused, extra_of, is_local, open_run
+from voxkernel.run_table import defused, extra_of, is_local, open_run, told
 
 __all__ = [
     "BadInput", "Item", "Labels", "content_hash", "count_suffixes", "find_items", "is_private", "labelled",
@@ -148,13 +148,14 @@ def _expanded(path: str, left_out: set[str]) -> Iterable[tuple[str, str]]:
         names, others = _divided(_local(inner))
         left_out |= {fs.unstrip_protocol(n) for n in others}
         return [(fs.unstrip_protocol(n), n) for n in names]
-    if any(c in inner for c in _MAGIC) and not fs.exists(inner):
-        listed = sorted(fs.glob(inner, detail=True).items())
-        names, others = _divided((n, _known(n)) for n, about in listed if _known(n) or about["type"] != "directory")
-    elif fs.isdir(inner):
-        names, others = _divided((n, _known(n)) for n in sorted(fs.find(inner)))
-    else:
-        return [(path, path)]
+    with told(path):
+        if any(c in inner for c in _MAGIC) and not fs.exists(inner):
+            listed = sorted(fs.glob(inner, detail=True).items())
+            names, others = _divided((n, _known(n)) for n, about in listed if _known(n) or about["type"] != "directory")
+        elif fs.isdir(inner):
+            names, others = _divided((n, _known(n)) for n in sorted(fs.find(inner)))
+        else:
+            return [(path, path)]
     left_out |= {fs.unstrip_protocol(n) for n in others}
     return [(fs.unstrip_protocol(n), fs.unstrip_protocol(n)) for n in names]
 
