@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 
+from voxkernel.report.rows import from_index, open_run_index
 from voxkernel.run_table import open_run, write_bytes, write_part
 
 HOSTILE = (
@@ -26,6 +27,11 @@ HOSTILE = (
     "www.example.com.ply",
 )
 TOLERANCES = np.linspace(0.0, 0.5, 26).tolist()
+
+
+def load_rows(run):
+    """The rows of a run as a report has them."""
+    return from_index(open_run_index(str(run)))
 
 
 def png(width=64, height=48, color=(38, 120, 168)):

@@ -8,10 +8,10 @@ import inspect
 import re
 import runpy
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
+from docs_extensions import extension
 
 import voxkernel
 
@@ -38,11 +38,8 @@ def python_of(path):
 
 @pytest.fixture(scope="module")
 def api_pages():
-    sys.path.insert(0, str(DOCS / "_ext"))
-    try:
-        yield importlib.import_module("api_pages")
-    finally:
-        sys.path.remove(str(DOCS / "_ext"))
+    with extension("api_pages") as module:
+        yield module
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if python_of(p)], ids=name_of)

@@ -1,12 +1,11 @@
 """The notebooks of the docs run from their beginning, lie in the repository without outputs, and become pages."""
 
-import importlib
 import os
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from docs_extensions import extension
 
 import voxkernel
 
@@ -17,11 +16,8 @@ NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
 
 @pytest.fixture(scope="module")
 def notebooks():
-    sys.path.insert(0, str(DOCS / "_ext"))
-    try:
-        yield importlib.import_module("notebooks")
-    finally:
-        sys.path.remove(str(DOCS / "_ext"))
+    with extension("notebooks") as module:
+        yield module
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)

@@ -6,13 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from report_runs import surface_row
+from report_runs import load_rows, surface_row
 
 from voxkernel import run_table, write_report
 from voxkernel.report.columns import Texts, cross_counts
 from voxkernel.report.compare import matched
 from voxkernel.report.large_run import rows_to_show
-from voxkernel.report.rows import load_rows, open_run_index
+from voxkernel.report.rows import open_run_index
 from voxkernel.report.statistics import confusion_counts
 
 MOST = 60

@@ -16,6 +16,7 @@ from report_runs import (
     cell_row,
     failed_row,
     large_run,
+    load_rows,
     octahedron,
     png,
     surface_row,
@@ -28,7 +29,7 @@ from voxkernel.report import write_report
 from voxkernel.report.labels import star_truth
 from voxkernel.report.page import shape_name, table_data
 from voxkernel.report.pictures import Pictures, collect, spread_order
-from voxkernel.report.rows import OUTCOMES, SCORES, load_rows, worst_first
+from voxkernel.report.rows import OUTCOMES, SCORES, worst_first
 from voxkernel.report.text import code_span, json_block, one_line, percent, readable, shorten
 
 FORMATS = {".html": "html", ".md": "markdown", ".json": "json"}

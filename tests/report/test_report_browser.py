@@ -1,19 +1,16 @@
 """The page in a real browser: Debian's chromium, driven by Playwright; skipped where it is not installed."""
 
-import os
-import shutil
 
 import label_shapes
 import numpy as np
 import pytest
-from report_runs import HOSTILE, add_view, cell_row, failed_row, large_run, surface_row, write_run
+from browsers import launched
+from report_runs import HOSTILE, add_view, cell_row, failed_row, large_run, load_rows, surface_row, write_run
 
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.report import write_report
-from voxkernel.report.rows import load_rows
 from voxkernel.report.text import readable
 
-CHROMIUM = os.environ.get("VOXKERNEL_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 N = 10_000
 SHOWN = "[...document.querySelectorAll('#body tr:not(.pad)')]"
 MOST_ROWS = 60  # rows of the table that are elements at any time
@@ -21,15 +18,8 @@ MOST_ROWS = 60  # rows of the table that are elements at any time
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed (apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-        )
+    with launched() as chromium:
         yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")

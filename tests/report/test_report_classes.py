@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from report_runs import HOSTILE, add_thumbnail, cell_row, failed_row, surface_row, write_run
+from report_runs import HOSTILE, add_thumbnail, cell_row, failed_row, load_rows, surface_row, write_run
 
 import voxkernel.cli.main as command_line
 from voxkernel.report import write_report
@@ -166,7 +166,6 @@ def test_page_and_markdown_show_both(two_runs, tmp_path):
 
 
 def test_columns_of_classes_only_where_asked(run):
-    from voxkernel.report.rows import load_rows
 
     keys = [c["key"] for c in table_data(load_rows(run), Pictures())["columns"]]
     assert not {"class", "before", "ratio_change"} & set(keys)

@@ -1,7 +1,6 @@
 """The page with a slider: no server, no network, the surface once, a kernel for each stop."""
 
 import json
-import os
 import re
 import shutil
 import socket
@@ -11,12 +10,12 @@ import warnings
 import numpy as np
 import pytest
 import shapes
+from browsers import watched_page
 
 import voxkernel
 from voxkernel.cli.main import main
 from voxkernel.view import open_viewer, slider_page
 
-CHROMIUM = os.environ.get("VOXKERNEL_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 TOLERANCES = [0.05, 0.2, 0.4]
 
 
@@ -71,20 +70,7 @@ def test_an_empty_kernel_shows_the_facets_of_its_proof(tmp_path):
 
 @pytest.mark.slow
 def test_the_slider_moves_in_a_browser(written):
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed (apt-get install chromium)")
-    complaints = []
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-        )
-        page = browser.new_page(viewport={"width": 700, "height": 500})
-        page.set_default_timeout(120_000)
-        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        own = ("file:", "data:", "blob:")
-        page.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))
+    with watched_page(700, 500, lambda url: url.startswith(("file:", "data:", "blob:"))) as page:
         page.goto(written.as_uri())
         plot = "document.querySelector('.js-plotly-plot')"
         shown = f"{plot}._fullData.filter((t) => t.visible === true).map((t) => t.name)"
@@ -94,8 +80,7 @@ def test_the_slider_moves_in_a_browser(written):
         page.mouse.click(rail["x"] + rail["width"] - 2, rail["y"] + rail["height"] / 2)
         page.wait_for_function(f"{shown}.includes('{name_of(0.4)}')")
         assert "exact kernel" not in page.evaluate(shown)
-        browser.close()
-    assert complaints == []
+    assert page.complaints == []
 
 
 def test_what_is_wrong_is_said(prism, tmp_path):

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapes
+from browsers import watched_page
 
 import voxkernel
 
-CHROMIUM = os.environ.get("VOXKERNEL_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 STOPS = [0.05, 0.12]
 SHELL = {**os.environ, "PYTHONPATH": str(Path(voxkernel.__file__).parents[1])}
 
@@ -56,26 +55,11 @@ def command(mesh, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(command):
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed (apt-get install chromium)")
     url = command[1]
-    own = url.split("/")[2]
-    complaints = []
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-        )
-        page = browser.new_page(viewport={"width": 770, "height": 400})
-        page.set_default_timeout(120_000)
-        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda r: None if r.url.split("/")[2:3] == [own] else complaints.append(r.url))
-        page.complaints = complaints
+    with watched_page(770, 400, lambda address: address.split("/")[2:3] == url.split("/")[2:3]) as page:
         page.goto(url)
         page.wait_for_selector("html[data-ready=yes]")
         yield page
-        browser.close()
 
 
 def text(page, name):

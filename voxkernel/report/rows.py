@@ -24,7 +24,6 @@ __all__ = [
     "ReportRows",
     "Score",
     "from_index",
-    "load_rows",
     "open_run_index",
     "worst_first",
 ]  # fmt: skip
@@ -164,19 +163,14 @@ class ReportRows(Frozen):
         return np.flatnonzero(np.isin(self.outcome.codes, codes)).tolist()
 
 
-def load_rows(run: str) -> ReportRows:
-    """Open the table of a run: of its rows only keys and hashes are read, and later the columns that are asked for.
+def open_run_index(run: str) -> RunIndex:
+    """Index the rows of a run that count; columns are read later, when they are asked for.
 
     Raises
     ------
     FileNotFoundError
         If there is no run at `run`.
     """
-    return from_index(open_run_index(run))
-
-
-def open_run_index(run: str) -> RunIndex:
-    """Index the rows of a run that count."""
     from voxkernel.run_table import open_run
 
     fs, path = open_run(run)
