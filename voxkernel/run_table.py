@@ -8,9 +8,11 @@ import posixpath
 import re
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -245,7 +247,12 @@ def open_part(fs: Any, name: str) -> Part:
     check_stored_file(fs, name)
     with _damage_named(name):
         source = pa.OSFile(os.fsencode(name)) if is_local(fs) else pa.BufferReader(fs.cat_file(name))
-        return Part(name, pq.ParquetFile(source))
+        part = Part(name, pq.ParquetFile(source))
+        column, times = max(Counter(part.file.schema_arrow.names).items(), key=itemgetter(1), default=("", 0))
+        if times > 1:
+            part.close()
+            raise ValueError(f"{times} columns named '{column}'")
+        return part
 
 
 def read_part(part: Part, columns: Sequence[str] | None = None) -> Any:

@@ -493,6 +493,10 @@ def test_a_damaged_part_is_named(tmp_path):
     pq.write_table(run_table.to_table(rows), tmp_path / "rows" / "part-1.parquet")
     with pytest.raises(ValueError, match=r"part-1\.parquet' must be a part of a run; got 1 rows that name no file"):
         run_table.read_rows(str(tmp_path))
+    table = run_table.to_table(rows[:1])
+    pq.write_table(table.append_column("file", table["file"]), tmp_path / "rows" / "part-1.parquet")
+    with pytest.raises(ValueError, match=r"part-1\.parquet' must be a part of a run; got 2 columns named 'file'"):
+        run_table.read_rows(str(tmp_path))
 
 
 def test_files_left_out_are_counted_by_suffix(tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ double excess(Points normals, Doubles offsets, Index plane, const double* x) {
 // A point on up to three planes, and the weights of their normals in the way there.
 struct Foot {
   Index planes[3];
-  int n = 0;
+  unsigned n = 0;
   double multipliers[3];
   double y[3];
 };
@@ -26,31 +26,31 @@ struct Foot {
 // Projects z on the planes of a foot; false where their normals are nearly dependent.
 bool project(Points normals, Doubles offsets, const double* z, Foot& foot) {
   double gram[3][3], right[3];
-  for (int i = 0; i < foot.n; ++i) {
+  for (unsigned i = 0; i < foot.n; ++i) {
     const double* p = normals[foot.planes[i]];
     right[i] = -offsets[foot.planes[i]];
     for (int k = 0; k < 3; ++k) right[i] += p[k] * z[k];
-    for (int j = 0; j < foot.n; ++j) {
+    for (unsigned j = 0; j < foot.n; ++j) {
       const double* q = normals[foot.planes[j]];
       gram[i][j] = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
     }
   }
-  for (int i = 0; i < foot.n; ++i) {  // elimination without pivots: the Gram matrix is positive definite
+  for (unsigned i = 0; i < foot.n; ++i) {  // elimination without pivots: the Gram matrix is positive definite
     if (gram[i][i] < kFlat) return false;
-    for (int j = i + 1; j < foot.n; ++j) {
+    for (unsigned j = i + 1; j < foot.n; ++j) {
       const double factor = gram[j][i] / gram[i][i];
-      for (int k = i; k < foot.n; ++k) gram[j][k] -= factor * gram[i][k];
+      for (unsigned k = i; k < foot.n; ++k) gram[j][k] -= factor * gram[i][k];
       right[j] -= factor * right[i];
     }
   }
-  for (int i = foot.n - 1; i >= 0; --i) {
+  for (unsigned i = foot.n; i-- > 0;) {
     double value = right[i];
-    for (int k = i + 1; k < foot.n; ++k) value -= gram[i][k] * foot.multipliers[k];
+    for (unsigned k = i + 1; k < foot.n; ++k) value -= gram[i][k] * foot.multipliers[k];
     foot.multipliers[i] = value / gram[i][i];
   }
   for (int k = 0; k < 3; ++k) {
     foot.y[k] = z[k];
-    for (int i = 0; i < foot.n; ++i) foot.y[k] -= foot.multipliers[i] * normals(foot.planes[i], k);
+    for (unsigned i = 0; i < foot.n; ++i) foot.y[k] -= foot.multipliers[i] * normals(foot.planes[i], k);
   }
   return true;
 }
@@ -67,10 +67,10 @@ Index most_violated(Points normals, Doubles offsets, const double* y, double tol
 }
 
 // Whether a foot is the nearest point of the planes `working`: it is pulled, never pushed, and inside them all.
-bool holds(Points normals, Doubles offsets, const Foot& foot, const Index* working, int n, double tolerance) {
-  for (int i = 0; i < foot.n; ++i)
+bool holds(Points normals, Doubles offsets, const Foot& foot, const Index* working, unsigned n, double tolerance) {
+  for (unsigned i = 0; i < foot.n; ++i)
     if (!(foot.multipliers[i] >= 0.0)) return false;
-  for (int i = 0; i < n; ++i)
+  for (unsigned i = 0; i < n; ++i)
     if (!(excess(normals, offsets, working[i], foot.y) <= tolerance)) return false;
   return true;
 }
@@ -83,23 +83,23 @@ bool holds(Points normals, Doubles offsets, const Foot& foot, const Index* worki
 // contains it stays: the distance grows with every round, so no subset comes twice.
 bool nearest_point(Points normals, Doubles offsets, const double* z, double tolerance, double* y, Stop& stop) {
   Index working[3] = {-1, -1, -1};
-  int n = 0;
+  unsigned n = 0;
   std::copy_n(z, 3, y);
   for (int round = 0; round < kRounds; ++round) {
     stop.poll(offsets.size());
     const Index at = most_violated(normals, offsets, y, tolerance);
     if (at < 0) return true;
-    for (int i = 0; i < n; ++i) {
+    for (unsigned i = 0; i < n; ++i) {
       if (working[i] == at) return false;
     }
     Foot best;
     double nearest = std::numeric_limits<double>::infinity();
-    for (int mask = 0; mask < 1 << n; ++mask) {
+    for (unsigned mask = 0; mask < 1U << n; ++mask) {
       if (mask == 7) continue;  // four planes
       Foot foot;
       foot.planes[foot.n++] = at;
-      for (int i = 0; i < n; ++i)
-        if (mask >> i & 1) foot.planes[foot.n++] = working[i];
+      for (unsigned i = 0; i < n; ++i)
+        if (mask >> i & 1U) foot.planes[foot.n++] = working[i];
       if (!project(normals, offsets, z, foot) || !holds(normals, offsets, foot, working, n, tolerance)) continue;
       const double u = foot.y[0] - z[0], v = foot.y[1] - z[1], w = foot.y[2] - z[2];
       const double distance = u * u + v * v + w * w;
