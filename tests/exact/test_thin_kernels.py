@@ -95,7 +95,7 @@ def test_one_unit_in_the_last_place_decides(step):
     _assert_as_the_doubles_say(surface, truth)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     st.one_of(shapes.central_soups(), shapes.polycubes(), shapes.polygon_prisms()), st.integers(0, 2**32 - 1)
 )

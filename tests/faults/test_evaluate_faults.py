@@ -127,6 +127,7 @@ atexit.register(gc.collect)  # tasks that failed unseen are told of when they ar
 """
 
 
+@pytest.mark.slow
 def test_client_interrupted_while_it_waits_for_a_result(tmp_path, undisturbed):
     """Dask has nothing to say on stderr about what it left undone."""
     folder, expected = undisturbed
@@ -144,9 +145,11 @@ def test_two_runs_at_once(tmp_path, undisturbed, script):
     (tmp_path / "link").symlink_to("run")
     first = client(script, "evaluate", folder, "-o", run, "--workers", 1)
     wait_for_rows(run, 1, first)
+    first.send_signal(signal.SIGSTOP)  # it would end before the second has begun where the machine is busy
     second = client(script, "evaluate", folder, "-o", tmp_path / "link", "--workers", 1)
     out, err = second.communicate(timeout=300)
     assert (second.returncode, out, err.count("\n")) == (1, "", 1)
+    first.send_signal(signal.SIGCONT)
     assert f"got '{tmp_path / 'link'}', in use by process {first.pid} on" in err
     out, err = first.communicate(timeout=120)
     assert first.returncode == 1, err  # one mesh fails

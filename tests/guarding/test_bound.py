@@ -91,7 +91,7 @@ def test_a_share_is_proven_in_integers():
     assert proven_share(sets, 4, np.zeros(4, np.int64)) == 0.0
 
 
-@pytest.mark.parametrize(("name", "at_least"), [("torus", 3), ("two", 2)])
+@pytest.mark.parametrize(("name", "at_least"), [pytest.param("torus", 3, marks=pytest.mark.slow), ("two", 2)])
 def test_known_bounds_are_met_and_never_above_a_confirmed_number(name, at_least):
     found = voxkernel.guards(MESHES[name], bound=True)
     assert found.is_reached

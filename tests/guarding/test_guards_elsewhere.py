@@ -95,11 +95,3 @@ def test_pictures(found, tmp_path):
         assert "rgb(211,32,47)" in page
     with pytest.raises(ValueError, match="`path` must end in"):
         guards_picture(tmp_path / "a.gif", found)
-
-
-def test_colours_are_apart():
-    from voxkernel.guarding.colored_ply import UNSEEN, piece_color
-
-    colors = np.array([UNSEEN, *(piece_color(i) for i in range(8))], float)
-    apart = np.linalg.norm(colors[:, None] - colors[None], axis=2) + 1e3 * np.eye(len(colors))
-    assert apart.min() > 35

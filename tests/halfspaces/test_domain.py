@@ -178,7 +178,7 @@ def assert_domain_facts(surface, domain, facets=slice(None)):
 corner = st.integers(-3, 2)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(
     st.one_of(shapes.soups(), shapes.central_soups()).map(lambda s: (s[0], s[1][12:])),
     st.tuples(corner, corner, corner),

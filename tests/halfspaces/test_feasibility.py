@@ -57,7 +57,7 @@ def test_dimension_and_proof_are_those_of_the_oracle(rows, is_open):
     assert_proven(planes, exact if is_open else [*exact, *ROOM], found)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(
     st.one_of(shapes.central_soups(), shapes.soups(), shapes.polygon_prisms()),
     st.integers(0, 2**32 - 1),

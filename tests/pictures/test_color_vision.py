@@ -7,6 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from voxkernel._palette import APART as PARTS
+from voxkernel._palette import UNSEEN, distinct_color, hex_of
+from voxkernel.pictures.fit_scene import UNEXPLAINED
+from voxkernel.pictures.registration_picture import _SOURCE, _TARGET
 from voxkernel.pictures.scene import CENTER, DOMAIN, KERNEL, RELAXED, SURFACE, WITNESS
 
 # G. M. Machado and others, "A Physiologically-based Model for Simulation of Color Vision Deficiency", 2009: severity 1.
@@ -36,6 +40,14 @@ def of_the_report(name):
 @pytest.mark.parametrize("vision", SEEN)
 def test_colors_stay_apart(vision):
     light, dark = zip(*(of_the_report(name) for name in ("star", "flat", "not", "failed")), strict=True)
-    for colors in ((SURFACE, KERNEL, RELAXED, WITNESS, CENTER, DOMAIN, "#ffffff"), light, dark):
+    parts = (*PARTS, hex_of(UNSEEN), UNEXPLAINED, "#ffffff")
+    fit = _SOURCE, _TARGET, UNEXPLAINED, "#ffffff"
+    for colors in ((SURFACE, KERNEL, RELAXED, WITNESS, CENTER, DOMAIN, "#ffffff"), light, dark, parts, fit):
         for a, b in combinations(colors, 2):
             assert np.linalg.norm(lab(a, SEEN[vision]) - lab(b, SEEN[vision])) > APART, (a, b)
+
+
+def test_no_part_is_as_red_as_what_is_unseen():
+    red = lab(hex_of(UNSEEN), SEEN["all colours"])
+    for k in range(60):
+        assert np.linalg.norm(lab(hex_of(distinct_color(k)), SEEN["all colours"]) - red) > APART, k

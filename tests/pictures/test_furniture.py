@@ -5,6 +5,7 @@ import pytest
 import shapes
 
 import voxkernel
+from voxkernel._palette import UNSEEN, distinct_color, hex_of
 from voxkernel.pictures import surface_picture
 from voxkernel.pictures.furniture import bar_length, legend_of
 from voxkernel.pictures.scene import KERNEL, RELAXED, SURFACE, WITNESS, make_scene
@@ -75,6 +76,39 @@ def test_up_is_up(up):
     assert scene.up @ scene.view == pytest.approx(0.0, abs=1e-12)
     assert scene.up @ unit > 0.9
     assert abs(np.cross(scene.up, scene.view) @ unit) < 1e-12  # no part of it points aside
+
+
+def test_all_pictures_take_what_points_up(tmp_path):
+    """Seen from the side, what is highest in the world is highest in the picture."""
+    from voxkernel.pictures.camera import as_up
+    from voxkernel.pictures.fit_scene import view_of
+
+    mesh = voxkernel.as_mesh(shapes.l_prism())
+    for axis in np.eye(3):
+        view, upward = view_of([(mesh.vertices, mesh.faces)], as_up(7.0 * axis))
+        assert upward @ axis > 0.9
+        assert upward @ view == pytest.approx(0.0, abs=1e-12)
+    assert as_up(None) is None
+    assert as_up([0.0, 3e200, 4e200]) == pytest.approx([0.0, 0.6, 0.8])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".html"])
+def test_guards_have_axes_a_scale_and_names(tmp_path, suffix):
+    from voxkernel.pictures import guards_picture
+
+    found = voxkernel.guards(shapes.l_prism(), coverage=0.99)
+    guards_picture(tmp_path / f"a{suffix}", found, up=(0, 1, 0))
+    if suffix == ".html":
+        page = (tmp_path / "a.html").read_text()
+        assert all(f'"name":"{name}"' in page for name in ("guard 0", "unseen"))
+        assert "mesh units" in page
+    else:
+        below = pixels(tmp_path / "a.png")[-90:]
+        assert has(below, hex_of(distinct_color(0)))
+        assert has(below, hex_of(UNSEEN))
+    with pytest.raises(ValueError, match="`up` must be a direction of three numbers; got "):
+        guards_picture(tmp_path / f"b{suffix}", found, up=(0, 0))
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 @pytest.mark.parametrize("up", [[0, 0, 0], [1, 2], [0, 0, np.nan]])

@@ -306,9 +306,9 @@ def hard_cell(rng):
 
 def test_hard_cells_are_right_or_have_a_reason(rng):
     with np.errstate(all="ignore"):
-        cells = [hard_cell(rng) for _ in range(300)]
+        cells = [hard_cell(rng) for _ in range(120)]
     found = solved(*cells)
-    assert 50 < int(found.is_failed.sum()) < 250
+    assert 20 < int(found.is_failed.sum()) < 100
     for i, (vertices, polygons) in enumerate(cells):
         reason, faces = found.reasons[i], np.array(polygons)
         if not np.isfinite(vertices).all():

@@ -1,11 +1,13 @@
-"""Types of options that several commands have: text -> a number in its range, or one line that names the range."""
+"""Types of options that several commands have: text -> a value, or one line that names what was expected."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
 
-__all__ = ["whole"]
+__all__ = ["direction", "whole"]
+
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
@@ -21,3 +23,18 @@ def whole(low: int, high: int) -> Callable[[str], int]:
         return value
 
     return read
+
+
+def direction(text: str) -> tuple[float, float, float]:
+    """The type of directions: an axis, x, y or z, also with a minus sign, or three numbers."""
+    axis = text.strip().lower()
+    if axis.lstrip("+-") in _AXES and len(axis) <= 2:
+        x, y, z = _AXES[axis[-1]]
+        return (-x, -y, -z) if axis[0] == "-" else (x, y, z)
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not any(values) or not all(abs(v) < float("inf") for v in values):
+        raise argparse.ArgumentTypeError(f"must be x, y, z, or three numbers X,Y,Z, not all 0; got {text}")
+    return values[0], values[1], values[2]

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxkernel.cli.argument_types import whole
+from voxkernel.cli.argument_types import direction, whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stream(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz, .vdb, .vtu, .vtp or .glb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
-    parser.add_argument("--up", type=_direction, metavar="X,Y,Z", help="what points up in the picture")
+    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)"
@@ -213,16 +213,6 @@ def _write_polygons(path: Path, kernel: KernelPolytope) -> None:
     sizes = np.array([len(face) for face in kernel.faces], dtype=np.int64)
     flat = np.concatenate([np.zeros(0, np.int64), *kernel.faces])
     write_polygons(path, kernel.vertices, flat, sizes, cell_data={"input_facet": kernel.face_facets})
-
-
-def _direction(text: str) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not any(values) or not all(abs(v) < float("inf") for v in values):
-        raise argparse.ArgumentTypeError(f"must be three numbers X,Y,Z, not all 0; got {text}")
-    return values
 
 
 def _threads(text: str) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 
 from voxkernel._extras import check_installed
 from voxkernel.cli import register_together
+from voxkernel.cli.argument_types import direction
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--picture", metavar="FILE", nargs="?", const="registration.png",
         help="before, after and how far the surfaces are off: .html or .png; registration.png where no name is given",
     )  # fmt: skip
+    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     register_together.add_arguments(parser)
     parser.add_argument(
@@ -102,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
 
         names = " → ".join(display(Path(p).name) for p in (args.source, args.target))
         with args.stage(f"drawing {display(picture)}"):
-            registration_picture(picture, source, target, found, title=names)
+            registration_picture(picture, source, target, found, title=names, up=args.up)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

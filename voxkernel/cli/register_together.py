@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import together_picture
 
         names = [display(Path(p).name) for p in paths]
-        together_picture(picture, paths, found, names=names, title=f"{len(paths)} scans")
+        together_picture(picture, paths, found, names=names, title=f"{len(paths)} scans", up=args.up)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.argument_types import whole
+from voxkernel.cli.argument_types import direction, whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
     parser.add_argument("-o", "--output", metavar="FILE", help="map.npz, .json or .ply (the reconstruction)")
     parser.add_argument("--picture", metavar="FILE", help="surface, radius and reconstruction: .png or .html")
+    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--center", type=_center, default="coverage", metavar="C", help=f"{', '.join(_CENTERS)}, or X,Y,Z"
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
         from voxkernel.pictures import sphere_picture
 
         with args.stage(f"drawing {display(picture)}"):
-            sphere_picture(picture, sphere, samples=samples, title=display(Path(args.mesh).name))
+            sphere_picture(picture, sphere, samples=samples, title=display(Path(args.mesh).name), up=args.up)
         say(f"wrote {display(picture)}", quiet=args.quiet)
     if args.json:
         print_json(document)

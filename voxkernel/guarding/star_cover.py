@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_path, read_only
 from voxkernel._frozen import Frozen
+from voxkernel._palette import distinct_color
 from voxkernel._plain import plain
 from voxkernel.exact import KernelPolytope, exact_kernel
 from voxkernel.exact.membership import points_inside
-from voxkernel.guarding.colored_ply import piece_color, write_colored_ply
+from voxkernel.guarding.colored_ply import write_colored_ply
 from voxkernel.guarding.result import Guards
 from voxkernel.halfspaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
@@ -132,7 +133,7 @@ class StarCover(Frozen):
             meshes = [piece.mesh for piece in self.pieces]
             starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
             none = [np.zeros((0, 3), np.int64)]
-            colors = [np.tile(piece_color(piece.guard), (len(piece.mesh.faces), 1)) for piece in self.pieces]
+            colors = [np.tile(distinct_color(piece.guard), (len(piece.mesh.faces), 1)) for piece in self.pieces]
             write_colored_ply(
                 target,
                 np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]),

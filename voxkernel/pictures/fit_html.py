@@ -11,10 +11,9 @@ import numpy as np
 from voxkernel._extras import optional
 from voxkernel.pictures.fit_scene import UNEXPLAINED, Fit, Panel, bar_colors
 from voxkernel.pictures.parts import heading, save_page
+from voxkernel.pictures.space_furniture import furniture_traces, lit, space
 
 __all__ = ["write_fit_html"]
-
-_EYE = 1.7
 
 
 def write_fit_html(
@@ -39,14 +38,14 @@ def write_fit_html(
                 go.Mesh3d(
                     x=x, y=y, z=z, i=i, j=j, k=m, vertexcolor=_names(layer.colors), name=layer.name, hoverinfo="name",
                     lighting={"ambient": 0.55, "diffuse": 0.7, "specular": 0.08},
+                    lightposition=lit(panel.view, panel.up),
                 ), row=1 + k // 2, col=1 + k % 2,
             )  # fmt: skip
-        hidden = {"visible": False}
-        camera = {
-            "eye": _xyz(_EYE * panel.view), "up": _xyz(panel.up), "projection": {"type": "orthographic"},
-        }  # fmt: skip
+        points = np.concatenate([layer.vertices for layer in panel.layers])
+        for trace in furniture_traces(go, points, panel.view, panel.up):
+            figure.add_trace(trace, row=1 + k // 2, col=1 + k % 2)
         name = "scene" if k == 0 else f"scene{k + 1}"
-        figure.layout[name].update(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data", camera=camera)
+        figure.layout[name].update(space(points, panel.view, panel.up))
     _add_histogram(go, figure, fit, rows + 1)
     for name, color in legend:
         marker = {"color": color, "size": 12, "symbol": "square"}
@@ -81,7 +80,3 @@ def _add_histogram(go: Any, figure: Any, fit: Fit, row: int) -> None:
 
 def _names(colors: Any) -> list[str]:
     return [f"rgb({r},{g},{b})" for r, g, b in colors.tolist()]
-
-
-def _xyz(vector: Any) -> dict[str, float]:
-    return dict(zip("xyz", vector.tolist(), strict=True))

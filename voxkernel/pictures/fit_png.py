@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from voxkernel._extras import optional
+from voxkernel.pictures.camera import camera_frame
 from voxkernel.pictures.fit_scene import UNEXPLAINED, Fit, Panel, bar_colors
+from voxkernel.pictures.furniture import add_furniture
 from voxkernel.pictures.parts import INK, PALE, drawn
 from voxkernel.pictures.png import _write as write_line
 from voxkernel.pictures.png import broken
 
 __all__ = ["write_fit_png"]
 
-_HEAD, _LINE, _TOP, _FOOT = 110, 27, 36, 210
+_HEAD, _LINE, _TOP, _FOOT, _BELOW = 110, 27, 36, 210, 80
 _MUCH_LARGER = 1.4  # than the panel of the surfaces laid together: drawn in a scale of its own, which is told
 
 
@@ -35,7 +37,7 @@ def write_fit_png(
     for k, line in enumerate(lines):
         write_line(pen, (36, 66 + _LINE * k), line, 20, PALE, size[0] - 72)
     head = _HEAD + _LINE * (len(lines) - 1)
-    part = size[0] // 2, (size[1] - head - _FOOT) // rows
+    part = size[0] // 2, (size[1] - head - _FOOT - _BELOW) // rows
     scales = [_half_height(panel, part[0] / (part[1] - _TOP)) for panel in panels]
     common = min(max(scales), _MUCH_LARGER * scales[1])
     for i, (panel, own) in enumerate(zip(panels, scales, strict=True)):
@@ -43,20 +45,22 @@ def write_fit_png(
         shown = max(own, common)
         name = panel.name + (f" (at 1/{shown / common:.2g} of the size)" if shown > 1.001 * common else "")
         room = (part[0], part[1] - _TOP)
-        image = Image.fromarray(drawn(partial(_draw, panel=panel, scale=shown), room))
+        pixels, _ = drawn(partial(_draw, panel=panel, scale=shown), room)
+        image = Image.fromarray(pixels)
         page.paste(image.resize(room, Image.Resampling.LANCZOS), (left, upper + _TOP))
         write_line(pen, (left + 36, upper + 6), name, 20 if len(name) < 40 else 16, INK, part[0] - 50)
-    _legend(pen, size, legend)
-    _histogram(pen, (size[0] // 2 + 40, size[1] - _FOOT + 8), (size[0] // 2 - 80, _FOOT - 20), fit)
+    bottom = size[1] - _BELOW
+    _legend(pen, (size[0], bottom), legend)
+    _histogram(pen, (size[0] // 2 + 40, bottom - _FOOT + 8), (size[0] // 2 - 80, _FOOT - 20), fit)
+    frame, scale = camera_frame(panels[1].view, panels[1].up), 2.0 * common / (part[1] - _TOP)
+    add_furniture(pen, write_line, [], frame, scale, (36, bottom, size[0] // 2, size[1]), 0.9)
     page.save(path, optimize=True)
 
 
 def _half_height(panel: Panel, aspect: float) -> float:
     """Half of what the height of a panel must hold, with a margin."""
-    right = np.cross(panel.up, panel.view)
-    right /= np.linalg.norm(right)
     points = np.concatenate([layer.vertices for layer in panel.layers])
-    wide, high = np.ptp(points @ right), np.ptp(points @ np.cross(panel.view, right))
+    wide, high, _ = np.ptp(points @ camera_frame(panel.view, panel.up).T, axis=0)
     return 0.53 * float(max(high, wide / aspect)) or 1.0
 
 
@@ -68,9 +72,7 @@ def _draw(plotter: Any, pyvista: Any, panel: Panel, scale: float) -> None:
             data, scalars="colors", rgb=True, smooth_shading=True, ambient=0.4, diffuse=0.65, specular=0.08
         )
     points = np.concatenate([layer.vertices for layer in panel.layers])
-    right = np.cross(panel.up, panel.view)
-    right /= np.linalg.norm(right)
-    frame = np.stack([right, np.cross(panel.view, right), panel.view])
+    frame = camera_frame(panel.view, panel.up)
     there = points @ frame.T
     focus = 0.5 * (there.min(axis=0) + there.max(axis=0)) @ frame
     far = 2.0 * float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0

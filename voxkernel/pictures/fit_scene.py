@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d, open3d_mesh, ray_scene
 from voxkernel.mesh.triangles import doubled_normals
+from voxkernel.pictures.camera import camera_frame, seen_upright
 
 __all__ = [
     "UNEXPLAINED", "Fit", "Layer", "Panel", "bar_colors", "before_panel", "colored", "fit_of", "moved", "plain_layer",
@@ -178,9 +179,12 @@ def _rgb(color: str) -> tuple[int, int, int]:
 
 
 def view_of(
-    surfaces: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]],
+    surfaces: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]], wanted: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Look at the front of open surfaces, along the thinnest direction of closed ones; a little from the side."""
+    """Look at the front of open surfaces, along the thinnest direction of closed ones; a little from the side.
+
+    Up is what is `wanted`, else the longest direction.
+    """
     vectors = np.concatenate([doubled_normals(v[f]) for v, f in surfaces])
     facing, total = vectors.sum(axis=0), float(np.linalg.norm(vectors, axis=1).sum())
     axes = np.linalg.eigh(np.cov(np.concatenate([v for v, _ in surfaces]).T))[1]
@@ -190,7 +194,8 @@ def view_of(
     up = up / np.linalg.norm(up)
     up = up if up[np.argmax(np.abs(up))] > 0 else -up
     view = 0.9 * front + 0.35 * np.cross(up, front) + 0.25 * up
-    return view / np.linalg.norm(view), up
+    view /= np.linalg.norm(view)
+    return (view, up) if wanted is None else seen_upright(view, up, wanted)
 
 
 def before_panel(
@@ -207,9 +212,7 @@ def before_panel(
 
 def _beside(layers: Sequence[Layer], view: NDArray[np.float64], up: NDArray[np.float64]) -> tuple[Layer, ...]:
     """Put layers into the cells of a table that is seen from a direction, row by row from the upper left."""
-    right = np.cross(up, view)
-    right /= np.linalg.norm(right)
-    frame = np.stack([right, np.cross(view, right), view])
+    frame = camera_frame(view, up)
     seen = [layer.vertices @ frame.T for layer in layers]
     cell = (1.0 + _GAP) * np.max([np.ptp(points, axis=0) for points in seen], axis=0)
     columns = int(np.ceil(np.sqrt(len(layers) * cell[1] / cell[0]))) if cell[0] > 0 else 1

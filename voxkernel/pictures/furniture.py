@@ -43,7 +43,7 @@ def legend_of(scene: Scene) -> list[tuple[str, str]]:
 def add_furniture(
     pen: Any,
     write: Write,
-    scene: Scene,
+    legend: list[tuple[str, str]],
     axes: NDArray[np.float64],
     units_per_pixel: float,
     box: tuple[int, int, int, int],
@@ -51,7 +51,8 @@ def add_furniture(
 ) -> None:
     """Draw into the box (left, top, right, bottom).
 
-    `axes` are right, up and towards the viewer as rows; `units_per_pixel` holds in the middle of the surface.
+    `legend` holds colours and words, `axes` are right, up and towards the viewer as rows; `units_per_pixel` holds in
+    the middle of the surface.
     """
     left, top, right, bottom = box
     middle = 0.5 * (top + bottom)
@@ -73,7 +74,7 @@ def add_furniture(
         pen.line([(x, y - tick), (x, y + tick)], fill=_INK, width=line)
     words = f"{length:g} mesh units"
     write(pen, (round(start), round(middle - 24 * unit)), words, 20 * unit, _INK, right - round(start))
-    _draw_legend(pen, write, legend_of(scene), (max(end, start + 170 * unit) + 50 * unit, middle, right), unit)
+    _draw_legend(pen, write, legend, (max(end, start + 170 * unit) + 50 * unit, middle, right), unit)
 
 
 def _draw_legend(

@@ -8,23 +8,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._extras import optional
+from voxkernel._palette import UNSEEN, distinct_color, hex_of
 from voxkernel.guarding import Guards
-from voxkernel.guarding.colored_ply import UNSEEN, piece_color
 from voxkernel.mesh.triangles import without_strays
-from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
-from voxkernel.pictures.scene import make_scene
+from voxkernel.pictures.camera import as_up, camera_frame
+from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
+from voxkernel.pictures.scene import Scene, make_scene
+from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
 
 __all__ = ["guards_picture"]
 
 _BALL = 0.018  # radius in diagonals of the surface
-_MOST_NAMED = 12
+_MOST_NAMED = 8
 
 
 def guards_picture(
-    path: str | os.PathLike[str], found: Guards, *, title: str = "", size: tuple[int, int] = (1400, 1200)
+    path: str | os.PathLike[str],
+    found: Guards,
+    *,
+    title: str = "",
+    size: tuple[int, int] = (1400, 1300),
+    up: ArrayLike | None = None,
 ) -> None:
     """Draw each triangle in the colour of the first guard that sees its middle, guards as balls, the unseen in red.
 
@@ -39,23 +46,25 @@ def guards_picture(
         Heading.
     size : (int, int)
         Pixels of a ``.png``.
+    up : (3,) array_like, optional
+        The direction that points up, as in `surface_picture`.
 
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is another, or `up` is no direction.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    scene = make_scene(found.mesh, None, up=as_up(up))
     words = (
         f"{len(found)} guards see {100 * found.seen:.2f} % of the area, {100 * found.certified:.2f} % by certificate; "
         f"red: unseen"
     )
     if kind == ".html":
-        _write_html(place, found, title, words)
+        _write_html(place, found, scene, title, words)
         return
-    scene = make_scene(found.mesh, None)
     views = (("from one side", 1.0, 1.0), ("from the other side", -1.0, 1.0))
     parts = [(name, partial(_draw, found=found, view=s * scene.view, up=scene.up, opacity=a)) for name, s, a in views]
     parts += [
@@ -63,12 +72,22 @@ def guards_picture(
          partial(_draw, found=found, view=s * scene.view, up=scene.up, opacity=0.3))
         for _, s, _ in views
     ]  # fmt: skip
-    write_parts(place, title, words, parts, size)
+    frame = camera_frame(scene.view, scene.up)
+    write_parts(place, title, words, parts, size, legend=_legend(found), frame=frame)
+
+
+def _legend(found: Guards) -> list[tuple[str, str]]:
+    """Colours and names of the unseen and of as many guards as find room."""
+    shown = min(len(found), _MOST_NAMED)
+    entries = [(hex_of(distinct_color(i)), f"guard {i}") for i in range(shown)]
+    if len(found) > shown:
+        entries.append(("#ffffff", f"and {len(found) - shown} more"))
+    return [*entries, (hex_of(UNSEEN), "unseen")]
 
 
 def _colors(found: Guards) -> NDArray[np.uint8]:
     """Red, green and blue of each triangle."""
-    table = np.array([UNSEEN, *(piece_color(i) for i in range(len(found)))], np.uint8)
+    table = np.array([UNSEEN, *(distinct_color(i) for i in range(len(found)))], np.uint8)
     return table[found.first_seen + 1]
 
 
@@ -81,13 +100,18 @@ def _draw(
     plotter.add_mesh(data, scalars="color", rgb=True, opacity=opacity, ambient=0.4, diffuse=0.7)
     size = float(np.linalg.norm(np.diff(found.mesh.bounds, axis=0)))
     for i, point in enumerate(found.points):
-        color = [v / 255.0 for v in piece_color(i)]
-        plotter.add_mesh(pyvista.Sphere(radius=_BALL * size, center=point), color=color, ambient=0.4, specular=0.4)
+        ball = pyvista.Sphere(radius=_BALL * size, center=point)
+        plotter.add_mesh(ball, color=hex_of(distinct_color(i)), ambient=0.4, specular=0.4)
+    if opacity < 1.0 and len(found):
+        plotter.add_point_labels(
+            found.points, [str(i) for i in range(len(found))], shape="rounded_rect", shape_color="white",
+            shape_opacity=0.7, show_points=False, always_visible=True, font_size=20, text_color=INK,
+        )  # fmt: skip
     plotter.view_vector(view, viewup=up)
     plotter.camera.zoom(1.25)
 
 
-def _write_html(path: Path, found: Guards, title: str, words: str) -> None:
+def _write_html(path: Path, found: Guards, scene: Scene, title: str, words: str) -> None:
     go = optional("plotly.graph_objects")
     vertices, faces = without_strays(found.mesh.vertices, found.mesh.faces)
     x, y, z = vertices.T
@@ -95,25 +119,30 @@ def _write_html(path: Path, found: Guards, title: str, words: str) -> None:
     shades = [f"rgb({r},{g},{b})" for r, g, b in _colors(found).tolist()]
     traces = [
         go.Mesh3d(
-            x=x, y=y, z=z, i=i, j=j, k=k, facecolor=shades, opacity=0.75, name="surface", hoverinfo="skip",
-            flatshading=True, showlegend=False,
+            x=x, y=y, z=z, i=i, j=j, k=k, facecolor=shades, opacity=1.0, name="surface", hoverinfo="skip",
+            flatshading=True, showlegend=False, lighting={"ambient": 0.55, "diffuse": 0.7, "specular": 0.05},
+            lightposition=lit(scene.view, scene.up),
         )
     ]  # fmt: skip
     for n, point in enumerate(found.points):
         (px,), (py,), (pz,) = point[:, None]
-        red, green, blue = piece_color(n)
-        marker = {"size": 9, "color": f"rgb({red},{green},{blue})", "line": {"width": 2, "color": "#1d2733"}}
+        marker = {"size": 9, "color": hex_of(distinct_color(n)), "line": {"width": 2, "color": INK}}
         traces.append(
             go.Scatter3d(
                 x=[px], y=[py], z=[pz], mode="markers", marker=marker, name=f"guard {n}", hoverinfo="name",
                 showlegend=n < _MOST_NAMED,
             )
         )  # fmt: skip
-    figure = go.Figure(traces)
-    hidden = {"visible": False}
+    marker = {"size": 9, "color": hex_of(UNSEEN), "symbol": "square"}
+    nowhere: dict[str, Any] = {"x": [None], "y": [None], "z": [None]}
+    traces.append(go.Scatter3d(**nowhere, mode="markers", marker=marker, name="unseen", showlegend=True))
+    points = np.concatenate([scene.points, found.points])
+    figure = go.Figure([*traces, *furniture_traces(go, points, scene.view, scene.up)])
+    marks = [hex_of(distinct_color(n)) for n in range(len(found))]
+    annotations = dots(found.points, marks, [str(n) for n in range(len(found))])
     figure.update_layout(
-        scene={"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data"}, title=heading(title, words),
-        margin={"l": 0, "r": 0, "t": 100, "b": 0}, paper_bgcolor="white",
+        scene=space(points, scene.view, scene.up, annotations),
+        title=heading(title, words), margin={"l": 0, "r": 0, "t": 100, "b": 0}, paper_bgcolor="white",
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
     )  # fmt: skip
     save_page(path, figure, title or "guards")

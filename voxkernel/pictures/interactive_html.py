@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.pictures.furniture import bar_length
 from voxkernel.pictures.parts import save_page
 from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
+from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
 
 __all__ = ["Plate", "write_html"]
 
@@ -70,23 +70,7 @@ def _clean(text: str) -> str:
 
 
 def _space(scene: Scene) -> dict[str, Any]:
-    lines, places, _ = _furniture(scene)
-    points = np.concatenate([scene.points, lines.reshape(-1, 3), places])
-    low, high = points.min(axis=0), points.max(axis=0)
-    size = float((high - low).max()) or 1.0
-    # Every axis as long as the longest, so that a flat scene is no case of its own.
-    ranges = np.stack([0.5 * (low + high) - 0.5 * size, 0.5 * (low + high) + 0.5 * size], axis=1)
-    eye = 1.02 * float(np.linalg.norm((high - low) / size)) * scene.view
-    x, y, z = ({"visible": False, "range": ends, "autorange": False} for ends in ranges.tolist())
-    return {
-        "xaxis": x, "yaxis": y, "zaxis": z, "aspectmode": "cube",
-        "annotations": _dots(scene.center),
-        "camera": {
-            "eye": dict(zip("xyz", eye.tolist(), strict=True)),
-            "up": dict(zip("xyz", scene.up.tolist(), strict=True)),
-            "center": {"x": 0, "y": 0, "z": 0},
-        },
-    }  # fmt: skip
+    return space(scene.points, scene.view, scene.up, dots(scene.center, [CENTER] * len(scene.center)))
 
 
 def _traces(go: Any, scene: Scene) -> list[Any]:
@@ -94,9 +78,7 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
         "ambient": 0.48, "diffuse": 0.8, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
         "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
     }  # fmt: skip
-    over_shoulder = scene.view + 1.1 * scene.up - 0.6 * np.cross(scene.up, scene.view)
-    shine = dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
-    solid: dict[str, Any] = {"lighting": light, "lightposition": shine}
+    solid: dict[str, Any] = {"lighting": light, "lightposition": lit(scene.view, scene.up)}
     has_kernel = len(scene.kernel_vertices) > 0
     opacity = 0.3 if has_kernel else 0.5
     traces = [_mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=opacity, **solid)]
@@ -125,45 +107,7 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
         traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
     if len(scene.domain_lines):
         traces.append(_lines(go, scene.domain_lines, DOMAIN, 2, name=f"domain: {scene.domain_name}"))
-    lines, places, words = _furniture(scene)
-    return [*traces, _lines(go, lines, _INK, 4), _words(go, places, words)]
-
-
-def _furniture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64], list[str]]:
-    """Axes and a scale bar below the scene, as segments and words of the world: they turn and shrink with it."""
-    right = np.cross(scene.up, scene.view)
-    right /= np.linalg.norm(right)
-    frame = np.stack([right, np.cross(scene.view, right), scene.view])
-    flat = scene.points @ frame.T
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    size = float((high - low)[:2].max()) or 1.0
-    hub = np.array([low[0] + 0.08 * size, low[1] - 0.14 * size, 0.5 * (low[2] + high[2])])
-    reach, length = 0.08 * size, bar_length(0.3 * size)
-    start = hub + np.array([0.2 * size, 0.0, 0.0])
-    end, tick = start + np.array([length, 0.0, 0.0]), np.array([0.0, 0.02 * size, 0.0])
-    bar = np.array([[start, end], [start - tick, start + tick], [end - tick, end + tick]]) @ frame
-    root = np.broadcast_to(hub @ frame, (3, 3))
-    axes = np.stack([root, root + reach * np.eye(3)], axis=1)
-    middle = 0.5 * (start + end) + np.array([0.0, 0.05 * size, 0.0])
-    places = np.concatenate([root + 1.35 * reach * np.eye(3), (middle @ frame)[None]])
-    return np.concatenate([axes, bar]), places, ["x", "y", "z", f"{length:g} mesh units"]
-
-
-def _dots(points: NDArray[np.float64]) -> list[dict[str, Any]]:
-    """Dots in front of everything: the centre is inside the kernel."""
-    found: list[dict[str, Any]] = []
-    for place in points.tolist():
-        at = {**dict(zip("xyz", place, strict=True)), "showarrow": False, "text": "●", "hovertext": ""}
-        found += [{**at, "font": {"size": size, "color": color}} for size, color in ((24, _INK), (17, CENTER))]
-    return found
-
-
-def _words(go: Any, points: NDArray[np.float64], words: Sequence[str]) -> Any:
-    x, y, z = points.T.tolist()
-    font = {"color": _INK, "size": 14}
-    return go.Scatter3d(
-        x=x, y=y, z=z, mode="text", text=list(words), textfont=font, hoverinfo="skip", showlegend=False
-    )
+    return [*traces, *furniture_traces(go, scene.points, scene.view, scene.up)]
 
 
 def _witness(go: Any, scene: Scene) -> list[Any]:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
+from voxkernel.pictures.furniture import add_furniture
 
 __all__ = ["INK", "PALE", "Draw", "check_picture", "drawn", "heading", "save_page", "write_parts"]
 
 INK, PALE = "#1d2733", "#5d6b7a"
-_HEAD, _TOP = 120, 40
+_HEAD, _TOP, _FOOT = 120, 40, 90
 _LINE = 150  # letters in a line of a caption
 
 Draw = Callable[[Any, Any], None]
@@ -48,28 +49,39 @@ def save_page(path: Path, figure: Any, name: str, *, style: str = "") -> None:
     path.write_text(page.replace("<head>", head, 1), encoding="utf-8")
 
 
-def write_parts(path: Path, title: str, words: str, parts: Sequence[tuple[str, Draw]], size: tuple[int, int]) -> None:
-    """Draw up to four named parts, two in a row, under a title and a caption."""
+def write_parts(
+    path: Path, title: str, words: str, parts: Sequence[tuple[str, Draw]], size: tuple[int, int], *,
+    legend: Sequence[tuple[str, str]], frame: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Draw up to four named parts, two in a row, under a title and a caption.
+
+    Below stand the axes of `frame` (right, up and towards the viewer as rows), the scale of the first part, and the
+    legend: colours and words.
+    """
     from voxkernel.pictures.png import _write
 
     Image, ImageDraw = optional("PIL.Image"), optional("PIL.ImageDraw")
 
-    part = (size[0] // 2, (size[1] - _HEAD) // 2)
+    part = (size[0] // 2, (size[1] - _HEAD - _FOOT) // 2)
     page = Image.new("RGB", size, "white")
     pen = ImageDraw.Draw(page)
     _write(pen, (36, 18), title, 38, INK, size[0] - 72)
     _write(pen, (36, 68), words, 22, PALE, size[0] - 72)
+    scales: list[float] = []
     for i, (name, draw) in enumerate(parts):
         left, upper = (i % 2) * part[0], _HEAD + (i // 2) * part[1]
         room = (part[0], part[1] - _TOP)
-        image = Image.fromarray(drawn(draw, room)).resize(room, Image.Resampling.LANCZOS)
-        page.paste(image, (left, upper + _TOP))
+        pixels, scale = drawn(draw, room)
+        page.paste(Image.fromarray(pixels).resize(room, Image.Resampling.LANCZOS), (left, upper + _TOP))
+        scales.append(scale)
         _write(pen, (left + 36, upper + 8), name, 21, INK, part[0] - 72)
+    box = 36, size[1] - _FOOT, size[0] - 36, size[1]
+    add_furniture(pen, _write, list(legend), frame, scales[0], box, 0.9)
     page.save(path, optimize=True)
 
 
-def drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """One part, larger than needed."""
+def drawn(draw: Draw, size: tuple[int, int]) -> tuple[NDArray[np.uint8], float]:
+    """One part, larger than needed, and the world units of a pixel of `size`, where the camera looks at."""
     from voxkernel.pictures.png import _light
     from voxkernel.pictures.silent_vtk import silent_vtk
 
@@ -85,6 +97,10 @@ def drawn(draw: Draw, size: tuple[int, int]) -> NDArray[np.uint8]:
             plotter.render_window.SetMultiSamples(0)
             plotter.render_window.AlphaBitPlanesOn()
             plotter.enable_depth_peeling(12)
-            return np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+            image = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+            camera = plotter.camera
+            slope = np.tan(0.5 * np.radians(camera.view_angle))
+            half = camera.parallel_scale if camera.parallel_projection else slope * camera.distance
+            return image, 2.0 * float(half) / size[1]
         finally:
             plotter.close()

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.pictures.furniture import add_furniture
+from voxkernel.pictures.camera import camera_frame
+from voxkernel.pictures.furniture import add_furniture, legend_of
 from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
 from voxkernel.pictures.silent_vtk import silent_vtk
 
@@ -54,7 +55,8 @@ def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple
     _write(pen, (left, round(24 * unit)), title, 40 * unit, _INK, across)
     _write(pen, (left, round(76 * unit)), caption, 25 * unit, _PALE, across)
     box = left, height - foot, left + across, height
-    add_furniture(pen, _write, scene, _axes(scene), view.units_per_pixel * _SUPERSAMPLE, box, unit)
+    frame, scale = camera_frame(scene.view, scene.up), view.units_per_pixel * _SUPERSAMPLE
+    add_furniture(pen, _write, legend_of(scene), frame, scale, box, unit)
     page.save(path, optimize=True)
 
 
@@ -155,16 +157,9 @@ def segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
     return pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)), lines=cells)
 
 
-def _axes(scene: Scene) -> NDArray[np.float64]:
-    """Right, up and towards the viewer, as rows."""
-    right = np.cross(scene.up, scene.view)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(scene.view, right), scene.view])
-
-
 def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[int], *, margin: float) -> float:
     """Fit the points into the picture, and give the world units of a pixel in the plane through their middle."""
-    axes = _axes(scene)
+    axes = camera_frame(scene.view, scene.up)
     flat = points @ axes.T
     middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     flat -= middle

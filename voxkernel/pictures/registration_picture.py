@@ -6,8 +6,10 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from voxkernel.mesh import TriangleMesh
+from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.fit_html import write_fit_html
 from voxkernel.pictures.fit_png import write_fit_png
 from voxkernel.pictures.fit_scene import (
@@ -22,9 +24,10 @@ from voxkernel.pictures.fit_scene import (
     thinned,
     view_of,
 )
+from voxkernel.pictures.level_surface import level_surface
 from voxkernel.pictures.parts import check_picture
 from voxkernel.registration import Registration
-from voxkernel.registration.prepare import PreparedSurface
+from voxkernel.registration.prepare import PreparedSurface, simplified
 
 __all__ = ["registration_picture"]
 
@@ -38,14 +41,15 @@ def registration_picture(
     found: Registration,
     *,
     title: str = "",
-    size: tuple[int, int] = (1400, 1600),
+    size: tuple[int, int] = (1400, 1680),
+    up: ArrayLike | None = None,
 ) -> None:
     """Draw source (orange) and target (blue) before and after the motion, how far they are off, and their kernels.
 
     Before and after are seen from the same side; surfaces that lie far apart are moved beside each other. Below, each
     surface has the colours of its distance to the other one; what has no counterpart within `found.max_distance` that
     faces the same way is grey. A bar in mesh units with the histogram says what the colours mean. The last row holds
-    the relaxed kernels, where both have one.
+    the relaxed kernels, where both have one, as the smooth surfaces that `surface_picture` draws.
 
     Parameters
     ----------
@@ -59,39 +63,43 @@ def registration_picture(
         Heading.
     size : (int, int)
         Pixels of a ``.png``.
+    up : (3,) array_like, optional
+        The direction that points up after the motion, the frame of the target; the longest direction by default.
 
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is another, or `up` is no direction.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    wanted = as_up(up)
     motion = found.T_target_source
     world = [moved(s.vertices, s.T_world_local) for s in (source, target)]
     shown = [thinned(v, s.faces, 2) for v, s in zip(world, (source, target), strict=True)]
     (points, faces), (points_there, faces_there) = shown
     laid = moved(points, motion)
     fit = fit_of([(laid, faces), (points_there, faces_there)], found.max_distance)
-    view, up = view_of([(laid, faces), (points_there, faces_there)])
+    view, upward = view_of([(laid, faces), (points_there, faces_there)], wanted)
     extent = float(np.linalg.norm(np.ptp(np.concatenate([laid, points_there]), axis=0)))
+    far = [
+        colored(laid, faces, fit.distances[0], fit.end, "source"),
+        colored(points_there, faces_there, fit.distances[1], fit.end, "target"),
+    ]
     still = plain_layer(points_there, faces_there, _TARGET, "target")
     panels = [
-        before_panel("before", (still, plain_layer(points, faces, _SOURCE, "source")), extent, view, up),
-        Panel("after", (still, plain_layer(laid, faces, _SOURCE, "source")), view, up),
-        Panel("source: distance to the target", (colored(laid, faces, fit.distances[0], fit.end, "source"),), view, up),
-        Panel(
-            "target: distance to the source",
-            (colored(points_there, faces_there, fit.distances[1], fit.end, "target"),), view, up,
-        ),
+        before_panel("before", (still, plain_layer(points, faces, _SOURCE, "source")), extent, view, upward),
+        Panel("after", (still, plain_layer(laid, faces, _SOURCE, "source")), view, upward),
+        Panel("source: distance to the target", (far[0],), view, upward),
+        Panel("target: distance to the source", (far[1],), view, upward),
     ]  # fmt: skip
     kernels = _kernels(source, _SOURCE, "kernel of the source"), _kernels(target, _TARGET, "kernel of the target")
     if kernels[0] is not None and kernels[1] is not None:
         after = Layer(moved(kernels[0].vertices, motion), kernels[0].faces, kernels[0].colors, kernels[0].name)
         room = float(np.linalg.norm(np.ptp(np.concatenate([after.vertices, kernels[1].vertices]), axis=0)))
-        panels.append(before_panel("kernels before", (kernels[1], kernels[0]), room, view, up))
-        panels.append(Panel("kernels after", (kernels[1], after), view, up))
+        panels.append(before_panel("kernels before", (kernels[1], kernels[0]), room, view, upward))
+        panels.append(Panel("kernels after", (kernels[1], after), view, upward))
     words = (
         f"{found.verdict}; {100 * found.fitness:.1f} % of the source within {found.max_distance:.3g}, "
         f"RMS {found.inlier_rmse:.3g}" + (f"; {found.reason}" if found.reason else "")
@@ -111,6 +119,9 @@ def _kernels(surface: PreparedSurface, color: str, name: str) -> Any:
     kernel = next((k for k in surface.kernels if k.active_voxel_count), None)
     if kernel is None:
         return None
-    mesh = kernel.to_mesh()
-    vertices: NDArray[np.float64] = moved(mesh.vertices, surface.T_world_local)
-    return plain_layer(vertices, mesh.faces, color, name)
+    own = simplified(surface.smooth, surface.skin.faces, surface.diagonal)  # what its kernels are of
+    vertices, faces = level_surface(TriangleMesh.from_triangles(*own), kernel)
+    if not len(faces):  # thinner than the samples
+        mesh = kernel.to_mesh()
+        vertices, faces = mesh.vertices, mesh.faces
+    return plain_layer(moved(vertices, surface.T_world_local), faces, color, name)

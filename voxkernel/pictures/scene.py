@@ -14,6 +14,7 @@ from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
+from voxkernel.pictures.camera import seen_upright
 from voxkernel.pictures.domain_outline import domain_outline, is_cut_by_domain
 from voxkernel.pictures.level_surface import RESOLUTION, level_surface
 
@@ -129,7 +130,7 @@ def make_scene(
         witness = np.array([int(np.flatnonzero(mesh.facet_ids == i)[0]) for i in ids], np.int64)
     view, upward = _camera(mesh, doubled_normals(corners), points, is_open)
     if up is not None:
-        view, upward = _upright(view, upward, up)
+        view, upward = seen_upright(view, upward, up)
     none = np.zeros((0, 2, 3))
     # Programs that draw make room for every vertex they are given.
     return Scene(
@@ -157,19 +158,6 @@ def _upward(mesh: TriangleMesh, front: NDArray[np.float64]) -> NDArray[np.float6
     if abs(front[axis]) >= 0.7:
         axis = 3 - axis
     return np.eye(3)[axis]
-
-
-def _upright(
-    view: NDArray[np.float64], upward: NDArray[np.float64], up: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same side of the surface, seen from a little above where `up` is up."""
-    level = view - (view @ up) * up
-    if np.linalg.norm(level) < 0.1:  # seen from above or below: from what was the lower rim then
-        level = -upward + (upward @ up) * up
-    towards = level / np.linalg.norm(level) + 0.35 * up
-    towards /= np.linalg.norm(towards)
-    above = up - (up @ towards) * towards
-    return towards, above / np.linalg.norm(above)
 
 
 def caption_of(mesh: TriangleMesh, kernel: Any) -> str:

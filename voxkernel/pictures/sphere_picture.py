@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 from voxkernel.mesh.triangles import without_strays
+from voxkernel.pictures.camera import as_up, camera_frame
 from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
 from voxkernel.pictures.png import segments
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
+from voxkernel.pictures.space_furniture import furniture_traces, lit, space
 from voxkernel.spherical import RadialGrid
 from voxkernel.spherical.radial_grid import grid_triangles
 
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["sphere_picture"]
 
 _UNSEEN, _LINE = "#e3e6ea", "#ffffff"
-_SIZE = (1400, 1120)
+_SIZE = (1400, 1200)
+_LEGEND = [(SURFACE, "surface, reconstruction"), (KERNEL, "centre and lines of sight"), (_UNSEEN, "not covered")]
 _MAP_RINGS = 180
 _NAMES = ("surface and centre", "radius on the sphere", "world map", "reconstruction")
 _CONVENTION = "longitude from +x to +y, latitude towards +z"
@@ -48,7 +51,12 @@ class _Panels(Frozen):
 
 
 def sphere_picture(
-    path: str | os.PathLike[str], sphere: SphericalMap, *, samples: RadialGrid | None = None, title: str = ""
+    path: str | os.PathLike[str],
+    sphere: SphericalMap,
+    *,
+    samples: RadialGrid | None = None,
+    title: str = "",
+    up: ArrayLike | None = None,
 ) -> None:
     """Draw a spherical map in four parts.
 
@@ -62,16 +70,18 @@ def sphere_picture(
         The grid that is reconstructed; `sphere.sample()` by default.
     title : str
         Words above the picture.
+    up : (3,) array_like, optional
+        The direction that points up, as in `surface_picture`.
 
     Raises
     ------
     ValueError
-        If the suffix is neither.
+        If the suffix is neither, or `up` is no direction.
     OSError
         If the file cannot be written.
     """
     target, kind = check_picture(path)
-    panels = _panels(sphere, sphere.sample() if samples is None else samples)
+    panels = _panels(sphere, sphere.sample() if samples is None else samples, as_up(up))
     words = _caption(sphere)
     if kind == ".html":
         _write_html(target, panels, title, words)
@@ -89,8 +99,8 @@ def _caption(sphere: SphericalMap) -> str:
     return text
 
 
-def _panels(sphere: SphericalMap, samples: RadialGrid) -> _Panels:
-    scene = make_scene(sphere.mesh, None)
+def _panels(sphere: SphericalMap, samples: RadialGrid, up: NDArray[np.float64] | None) -> _Panels:
+    scene = make_scene(sphere.mesh, None, up=up)
     fine = sphere.sample(grid="equiangular", n=_MAP_RINGS)
     radii = np.append(fine.radii.reshape(-1), fine.pole_radii)
     unit = np.concatenate([fine.grid.directions(), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
@@ -115,8 +125,7 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
         "ambient": 0.42, "diffuse": 0.8, "specular": 0.1, "roughness": 0.7, "fresnel": 0.05,
         "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
     }  # fmt: skip
-    over_shoulder = panels.view + 0.9 * panels.up - 0.5 * np.cross(panels.up, panels.view)
-    shine = dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
+    shine = lit(panels.view, panels.up)
 
     def solid(vertices: NDArray[np.float64], faces: NDArray[np.int64], **style: Any) -> Any:
         x, y, z = vertices.T.astype(np.float32)
@@ -151,16 +160,18 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
     figure.add_trace(
         go.Scatter(**_lines_of_map(), mode="lines", line={"color": _LINE, "width": 0.8}, hoverinfo="skip"), row=2, col=1
     )
+    shown = np.concatenate([panels.surface[0], panels.center[None]])
+    for trace in furniture_traces(go, shown, panels.view, panels.up):
+        figure.add_trace(trace, row=1, col=1)
     x, y, z = _broken(_lines_of_ball()).T
     thin = {"color": _LINE, "width": 1.5}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=2)
     axis = {"constrain": "domain", "showgrid": False, "zeroline": False, "ticksuffix": "°"}
     figure.update_xaxes(title="longitude", range=[-180, 180], dtick=60, **axis)
     figure.update_yaxes(title="latitude", range=[-90, 90], dtick=30, scaleanchor="x", **axis)
-    eye = {"eye": dict(zip("xyz", (1.85 * panels.view).tolist(), strict=True)),
-           "up": dict(zip("xyz", panels.up.tolist(), strict=True))}  # fmt: skip
-    hidden = {"visible": False}
-    figure.update_scenes(xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data", camera=eye)
+    ball = panels.ball[0]
+    for name, points in (("scene", shown), ("scene2", ball), ("scene3", panels.surface[0])):
+        figure.layout[name].update(space(points, panels.view, panels.up))
     figure.update_layout(
         title=heading(title, words),
         margin={"l": 60, "r": 20, "t": 110, "b": 40}, paper_bgcolor="white", plot_bgcolor=_UNSEEN, showlegend=False,
@@ -210,7 +221,7 @@ def _rolled(radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 def _write_png(path: Path, panels: _Panels, title: str, words: str) -> None:
     draws = (_draw_surface, _draw_ball, _draw_map, _draw_rebuilt)
     parts = [(name, partial(draw, panels=panels)) for name, draw in zip(_titles(), draws, strict=True)]
-    write_parts(path, title, words, parts, _SIZE)
+    write_parts(path, title, words, parts, _SIZE, legend=_LEGEND, frame=camera_frame(panels.view, panels.up))
 
 
 _COLORS: dict[str, Any] = {"cmap": "viridis", "show_scalar_bar": False, "nan_color": _UNSEEN}
@@ -224,8 +235,16 @@ def _draw_surface(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     plotter.add_mesh(segments(pyvista, panels.rays), color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
     reach = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     plotter.add_mesh(pyvista.Sphere(radius=0.016 * reach, center=panels.center), color=KERNEL, **_MATERIAL)
+    _aim(plotter, panels)
+
+
+def _aim(plotter: Any, panels: _Panels) -> None:
+    """Look at the surface, whatever is drawn: what is rebuilt is seen from the same place."""
     plotter.view_vector(panels.view, panels.up)
+    low, high = panels.surface[0].min(axis=0), panels.surface[0].max(axis=0)
+    plotter.reset_camera(bounds=np.stack([low, high], axis=1).ravel().tolist())
     plotter.camera.zoom(1.3)
+    plotter.reset_camera_clipping_range()
 
 
 def _draw_ball(plotter: Any, pyvista: Any, panels: _Panels) -> None:
@@ -271,5 +290,4 @@ def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
 def _draw_rebuilt(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     rebuilt = pyvista.PolyData.from_regular_faces(*panels.rebuilt)
     plotter.add_mesh(rebuilt, color=SURFACE, smooth_shading=True, split_sharp_edges=True, **_MATERIAL)
-    plotter.view_vector(panels.view, panels.up)
-    plotter.camera.zoom(1.3)
+    _aim(plotter, panels)

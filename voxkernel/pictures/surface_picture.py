@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_path
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
+from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.interactive_html import Plate, write_html
 from voxkernel.pictures.level_surface import RESOLUTION
 from voxkernel.pictures.parts import check_picture
@@ -85,7 +86,7 @@ def surface_picture(
         raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
     mesh = as_mesh(surface)
     words = caption_of(mesh, kernel) if caption is None else caption
-    scene = _scene(mesh, kernel, None if up is None else _direction(up), 0 if voxels else RESOLUTION)
+    scene = _scene(mesh, kernel, as_up(up), 0 if voxels else RESOLUTION)
     if kind == ".png":
         write_png(target, scene, title=title, caption=words, size=size)
     else:
@@ -98,14 +99,6 @@ def _scene(mesh: TriangleMesh, kernel: Any, up: NDArray[np.float64] | None, reso
     if getattr(kernel, "tolerance", 0.0) and not kernel.is_empty:
         center = best_center(mesh, domain=kernel.domain).point
     return make_scene(mesh, kernel, up=up, resolution=resolution, center=center)
-
-
-def _direction(up: ArrayLike) -> NDArray[np.float64]:
-    found = np.asarray(up, dtype=np.float64)
-    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
-        raise ValueError(f"`up` must be a direction of three numbers; got {up}")
-    found = found / np.abs(found).max()
-    return found / np.linalg.norm(found)
 
 
 def interactive_page(path: str | os.PathLike[str], items: Sequence[tuple[str, Any, Any]]) -> None:

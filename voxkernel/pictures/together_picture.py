@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import colorsys
 import os
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from voxkernel._palette import distinct_color, hex_of
 from voxkernel.errors import VoxKernelError
 from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import without_strays
+from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.fit_html import write_fit_html
 from voxkernel.pictures.fit_png import write_fit_png
 from voxkernel.pictures.fit_scene import (
@@ -31,7 +33,6 @@ from voxkernel.registration import JointRegistration
 __all__ = ["together_picture"]
 
 _REACH = 0.02  # of the diagonal of what was laid together
-_GOLDEN = 0.618033988749895
 _MOST_NAMES = 14
 
 
@@ -42,7 +43,8 @@ def together_picture(
     *,
     names: Sequence[str] = (),
     title: str = "",
-    size: tuple[int, int] = (1400, 1300),
+    size: tuple[int, int] = (1400, 1380),
+    up: ArrayLike | None = None,
 ) -> None:
     """Draw many scans as given and laid together, a colour each, and how far each is off all others.
 
@@ -65,15 +67,19 @@ def together_picture(
         Heading.
     size : (int, int)
         Pixels of a ``.png``.
+    up : (3,) array_like, optional
+        The direction that points up after the motion, the frame of the first scan; the longest direction by default.
 
     Raises
     ------
     ValueError
-        If the suffix is another, the surfaces are more or fewer than the poses, or nothing was laid together.
+        If the suffix is another, `up` is no direction, the surfaces are more or fewer than the poses, or nothing was
+        laid together.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    wanted = as_up(up)
     n = len(found.poses)
     if len(surfaces) != n:
         raise ValueError(f"`surfaces` must be the {n} that were registered; got {len(surfaces)}")
@@ -83,21 +89,21 @@ def together_picture(
     called = [str(name) for name in names] or [f"scan {i}" for i in range(n)]
     meshes = {i: as_mesh(surfaces[i]) if i in kept else _if_usable(surfaces[i]) for i in range(n)}
     shown = {i: thinned(*without_strays(m.vertices, m.faces), n) for i, m in meshes.items() if m is not None}
-    colors = {i: _color(k) for k, i in enumerate(kept)}
+    colors = {i: hex_of(distinct_color(k)) for k, i in enumerate(kept)}
     laid = [(moved(shown[i][0], found.poses[i]), shown[i][1]) for i in kept]
     extent = float(np.linalg.norm(np.ptp(np.concatenate([v for v, _ in laid]), axis=0)))
     fit = fit_of(laid, _REACH * extent)
-    view, up = view_of(laid)
+    view, upward = view_of(laid, wanted)
     before = tuple(plain_layer(v, f, colors.get(i, UNEXPLAINED), called[i]) for i, (v, f) in shown.items())
     after = tuple(plain_layer(v, f, colors[i], called[i]) for i, (v, f) in zip(kept, laid, strict=True))
     far = tuple(
         colored(v, f, d, fit.end, called[i]) for i, (v, f), d in zip(kept, laid, fit.distances, strict=True)
     )
     panels = [
-        before_panel("before: as given", before, extent, view, up),
-        Panel("after: in one frame", after, view, up),
-        Panel("distance to the other scans", far, view, up),
-        Panel("distance to the other scans, from behind", far, -view, up),
+        before_panel("before: as given", before, extent, view, upward),
+        Panel("after: in one frame", after, view, upward),
+        Panel("distance to the other scans", far, view, upward),
+        Panel("distance to the other scans, from behind", far, -view, upward),
     ]
     used = sum(p.use in ("tree", "loop") for p in found.pairs)
     words = (
@@ -121,9 +127,3 @@ def _if_usable(surface: Any) -> TriangleMesh | None:
         return as_mesh(surface)
     except (VoxKernelError, OSError, TypeError):
         return None
-
-
-def _color(k: int) -> str:
-    """Colours far from each other, one after the other around the circle of hues."""
-    r, g, b = colorsys.hls_to_rgb((0.07 + k * _GOLDEN) % 1.0, 0.48 + 0.08 * (k % 3 - 1), 0.62)
-    return f"#{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"

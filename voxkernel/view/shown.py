@@ -7,11 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from voxkernel._checks import as_depth, as_each, as_share
 from voxkernel._frozen import Frozen
 from voxkernel.exact import Kernel, exact_kernel
 from voxkernel.guarding import Guards
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
+from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.scene import caption_of
 from voxkernel.relaxed import StarCenter, best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
@@ -31,6 +35,7 @@ class Shown(Frozen):
     center: StarCenter
     guards: Guards | None
     title: str
+    up: NDArray[np.float64] | None  # what points up, a unit vector; None leaves it to the picture
 
     @property
     def start(self) -> tuple[float, float, float]:
@@ -56,9 +61,10 @@ def tolerance_of(kernel: Kernel) -> float:
 
 def gathered(
     surface: MeshLike, kernel: Kernel | None, *, tolerances: Sequence[float] | None, depth: int, domain: Any,
-    guards: Guards | None, title: str,
+    guards: Guards | None, title: str, up: ArrayLike | None = None,
 ) -> Shown:  # fmt: skip
     """Compute what is missing; `kernel` may be exact, relaxed or None."""
+    upward = as_up(up)
     mesh = as_mesh(surface)
     steps = as_depth("depth", depth, 3, 10)
     if domain is None and kernel is not None:
@@ -75,7 +81,7 @@ def gathered(
         relaxed += voxel_kernels(mesh, tolerances=shares, depth=steps, domain=domain)
     if isinstance(kernel, KernelGrid) and kernel.tolerance:
         relaxed = sorted([kernel, *(k for k in relaxed if k.tolerance != kernel.tolerance)], key=tolerance_of)
-    return Shown(mesh, (exact, *relaxed), center, guards, title or _name(mesh.source))
+    return Shown(mesh, (exact, *relaxed), center, guards, title or _name(mesh.source), upward)
 
 
 def _name(source: str) -> str:

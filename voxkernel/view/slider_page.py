@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
@@ -32,6 +32,7 @@ def slider_page(
     domain: Any = None,
     guards: Guards | None = None,
     title: str = "",
+    up: ArrayLike | None = None,
 ) -> None:
     """Write a surface and its kernels as one page that needs no network, with a slider over the tolerances.
 
@@ -39,7 +40,7 @@ def slider_page(
     ----------
     path : str or os.PathLike
         Ends in ``.html``; about 5 MB, and more for large surfaces.
-    surface, kernel, tolerances, depth, domain, guards, title : optional
+    surface, kernel, tolerances, depth, domain, guards, title, up : optional
         As for `open_viewer`.
 
     Raises
@@ -66,7 +67,7 @@ def slider_page(
         raise ValueError(f"`path` must end in .html; got '{target.name}'")
     optional("plotly")
     shown = gathered(
-        surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title
+        surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title, up=up
     )
     write_slider_page(target, shown)
 
@@ -74,7 +75,7 @@ def slider_page(
 def write_slider_page(path: Path, shown: Shown) -> None:
     """Write what is shown; the surface is in the page once, whatever the number of kernels."""
     go = optional("plotly.graph_objects")
-    scenes = [make_scene(shown.mesh, kernel) for kernel in shown.kernels]
+    scenes = [make_scene(shown.mesh, kernel, up=shown.up) for kernel in shown.kernels]
     fixed = _fixed(go, scenes[0], shown)
     stops = [_of_kernel(go, scene, shown.stop_name(i)) for i, scene in enumerate(scenes)]
     owner = np.array([-1] * len(fixed) + [i for i, traces in enumerate(stops) for _ in traces])

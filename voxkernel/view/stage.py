@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.guarding.colored_ply import piece_color
+from voxkernel._palette import distinct_color, hex_of
 from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene, make_scene
 from voxkernel.pictures.silent_vtk import silent_vtk
 from voxkernel.view.shown import Shown
@@ -29,7 +29,7 @@ class Stage:
     def __init__(self, shown: Shown) -> None:
         self._pv = optional("pyvista")
         self.shown = shown
-        self._scenes: dict[int, Scene] = {0: make_scene(shown.mesh, shown.kernels[0])}
+        self._scenes: dict[int, Scene] = {0: make_scene(shown.mesh, shown.kernels[0], up=shown.up)}
         scene = self._scenes[0]
         self._middle = shown.mesh.bounds.mean(axis=0)
         self.diagonal = scene.diagonal
@@ -57,7 +57,7 @@ class Stage:
             self._rim = self._add(self._pv.PolyData(), color=PROBE, line_width=3.0, lighting=False)
             self._witness = self._add(self._witness_parts(scene), color=PROOF, ambient=0.5, diffuse=0.6)
             self._guards = [
-                self._add(self._ball(point, _BALL), color=[v / 255 for v in piece_color(i)], ambient=0.5, diffuse=0.6)
+                self._add(self._ball(point, _BALL), color=hex_of(distinct_color(i)), ambient=0.5, diffuse=0.6)
                 for i, point in enumerate(() if shown.guards is None else shown.guards.points)
             ]
             self._probe = self._add(self._ball(self._middle, 0.011), color=PROBE, ambient=0.5, diffuse=0.6)
@@ -90,7 +90,8 @@ class Stage:
         """Draw the kernel of a stop of the slider; each is made into triangles once."""
         self._kernel = stop
         if stop not in self._scenes:
-            self._scenes[stop] = make_scene(self.shown.mesh, self.shown.kernels[stop], resolution=_RESOLUTION)
+            kernel = self.shown.kernels[stop]
+            self._scenes[stop] = make_scene(self.shown.mesh, kernel, up=self.shown.up, resolution=_RESOLUTION)
         scene = self._scenes[stop]
         self._solid.prop.color, self._edges.prop.color = scene.kernel_color, scene.kernel_line_color
         points = scene.kernel_vertices

@@ -13,6 +13,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 import voxkernel
 from voxkernel._extras import check_installed
 from voxkernel.errors import MissingExtraError, SolverError
@@ -93,6 +95,7 @@ def open_viewer(
     domain: Any = None,
     guards: Guards | None = None,
     title: str = "",
+    up: ArrayLike | None = None,
     port: int = 0,
     browser: bool = True,
 ) -> Viewer:
@@ -119,6 +122,8 @@ def open_viewer(
         From `voxkernel.guards`.
     title : str
         Heading; the name of the file by default.
+    up : (3,) array_like, optional
+        The direction that points up, as in `surface_picture`.
     port : int
         Port on 127.0.0.1, 0 to 65535; 0 takes a free one.
     browser : bool
@@ -152,7 +157,7 @@ def open_viewer(
     number = free_port(port)
     missing = missing_extra()
     shown = gathered(
-        surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title
+        surface, kernel, tolerances=tolerances, depth=depth, domain=domain, guards=guards, title=title, up=up
     )
     if missing is not None:
         place = Path(tempfile.mkdtemp(prefix="voxkernel-")) / "viewer.html"
