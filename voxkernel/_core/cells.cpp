@@ -13,6 +13,7 @@
 #include "dual_hull.h"
 #include "planes.h"
 #include "solid_measures.h"
+#include "star_hull.h"
 
 namespace voxkernel {
 namespace {
@@ -37,7 +38,13 @@ constexpr Index kMaxCut = 64;       // faces of more are not cut one by one: the
 constexpr int kFarCube = 3;         // half edge, a power of two in units of the frame, that no kernel reaches
 constexpr double kThin = 1e-4;      // kernels with less depth for their size are left to the general code
 constexpr double kRounding = 1e-9;  // largest relative error of a volume
+constexpr double kShare = 1e-10;    // no plane may cut more off a hull
 constexpr double kNearly = 1e-11;
+
+// Too thin a kernel for its volume to be right.
+bool is_thin(double depth, double extent) {
+  return depth < kThin * extent || kUnitRoundoff * extent * extent > kRounding * depth * depth;
+}
 
 class CellSolver {
  public:
@@ -51,6 +58,7 @@ class CellSolver {
   Outcome solve_empty(double volume, Index* witness) const;
   Outcome solve_solid(double volume, double* numbers, double* center);
   double cut_volume(const double* center, double depth);
+  double star_volume(const double* center, double depth);
   double hull_volume(const double* center, double depth) const;
 
   const CellMesh& mesh_;
@@ -68,6 +76,7 @@ class CellSolver {
   DeepestPoint deepest_;
   ConvexityTest convexity_;
   FaceCutter cutter_;
+  StarHull star_;
 
   Points local() const { return {local_.data(), cell_.n_vertices}; }
 };
@@ -180,7 +189,8 @@ Outcome CellSolver::solve_solid(double volume, double* numbers, double* center) 
     }
   }
   if (kernel < 0.0) {
-    if (planes_.size <= kMaxCut) kernel = cut_volume(best, depth);
+    if (planes_.size <= kMaxCut) kernel = star_volume(best, depth);
+    if (kernel < 0.0 && planes_.size <= kMaxCut) kernel = cut_volume(best, depth);
     if (kernel < 0.0) kernel = hull_volume(best, depth);
     if (kernel < 0.0) return kUndecided;
   }
@@ -191,13 +201,26 @@ Outcome CellSolver::solve_solid(double volume, double* numbers, double* center) 
   return is_convex ? kConvex : kSolid;
 }
 
+// Of a hull in floating point, which most kernels are; negative where it is not certain.
+double CellSolver::star_volume(const double* center, double depth) {
+  stop_.poll(4 * planes_.size * planes_.size);
+  star_.clear();
+  for (Index p = 0; p < planes_.size; ++p) {
+    const double slack = 0.5 * planes_.slack(p, center);  // half the size, which is inside the cube of the hull
+    star_.push(planes_.x[p] / slack, planes_.y[p] / slack, planes_.z[p] / slack);
+  }
+  double volume, box[6], square = 0.0;
+  if (!star_.measure(kShare, &volume, box)) return -1.0;
+  for (int axis = 0; axis < 3; ++axis) square += std::max(box[axis] * box[axis], box[axis + 3] * box[axis + 3]);
+  return is_thin(depth, 2.0 * std::sqrt(square)) ? -1.0 : 8.0 * volume;
+}
+
 // Of the faces, each cut out of its plane; negative where they do not fit together, or the kernel is thin.
 double CellSolver::cut_volume(const double* center, double depth) {
   stop_.poll(4 * planes_.size * planes_.size);
   const auto [volume, extent, misfit] = cutter_.cut(planes_, center, kNearly * depth);
   const bool is_wrong = misfit < 0.0 || misfit * extent * extent > kRounding * volume;
-  if (is_wrong || depth < kThin * extent || kUnitRoundoff * extent * extent > kRounding * depth * depth) return -1.0;
-  return volume;
+  return is_wrong || is_thin(depth, extent) ? -1.0 : volume;
 }
 
 // Of the dual hull, where it is known which planes meet where however near to one another they are; negative where the

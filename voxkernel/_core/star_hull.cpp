@@ -11,7 +11,6 @@ namespace {
 
 constexpr std::size_t kAtOnce = 64;
 constexpr double kBeyond = 1e-12;  // points nearer to a plane count as behind it
-constexpr double kRight = 1e-9;    // no point may be farther beyond any plane
 
 double determinant(const double* u, const double* v, const double* w) {
   return u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) + u[2] * (v[0] * w[1] - v[1] * w[0]);
@@ -160,16 +159,16 @@ bool StarHull::insert(std::int32_t point) {
 }
 
 // Every ray from the origin meets a triangle, as they close about it, all turned outwards. If no point is farther than
-// a share e beyond any of their planes, these bound a body D with D <= hull <= (1 + e) D, and the corners n of the
+// `share` e beyond any of their planes, these bound a body D with D <= hull <= (1 + e) D, and the corners n of the
 // triangles span one that is as near to the body looked for.
-bool StarHull::is_right() const {
+bool StarHull::is_right(double share) const {
   for (std::size_t t = 0; t < triangles_.size(); ++t) {
     const double n[3] = {nx_[t], ny_[t], nz_[t]};
     if (n[0] == 0.0 && n[1] == 0.0 && n[2] == 0.0) continue;
     for (const std::int32_t c : triangles_[t].corner) {
-      if (c < 6 || !(n[0] * x_[c] + n[1] * y_[c] + n[2] * z_[c] >= 1.0 - kRight)) return false;
+      if (c < 6 || !(n[0] * x_[c] + n[1] * y_[c] + n[2] * z_[c] >= 1.0 - share)) return false;
     }
-    if (count_fast(x_.data(), y_.data(), z_.data(), x_.size(), n, 1.0 + kRight) != 0) return false;
+    if (count_fast(x_.data(), y_.data(), z_.data(), x_.size(), n, 1.0 + share) != 0) return false;
   }
   return true;
 }
@@ -193,7 +192,7 @@ double StarHull::volume() const {
   return sum / 6.0;
 }
 
-bool StarHull::measure(double* volume, double* box) {
+bool StarHull::measure(double share, double* volume, double* box) {
   begin();
   // The nearest planes first: most of the others are then behind what is there.
   const std::int32_t n = static_cast<std::int32_t>(x_.size());
@@ -204,7 +203,7 @@ bool StarHull::measure(double* volume, double* box) {
   for (const auto& entry : order) {
     if (!insert(entry.second)) return false;
   }
-  if (!is_right()) return false;
+  if (!is_right(share)) return false;
   *volume = this->volume();
   std::fill_n(box, 6, 0.0);
   for (std::size_t t = 0; t < triangles_.size(); ++t) {

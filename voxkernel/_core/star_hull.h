@@ -16,8 +16,8 @@ class StarHull {
   void clear();
   void push(double x, double y, double z);
 
-  // Volume and box of the body, off by a relative 1e-8 at most; false where that is not certain.
-  bool measure(double* volume, double* box);
+  // Volume and box of the body, off by ten times `share` of themselves at most; false where that is not certain.
+  bool measure(double share, double* volume, double* box);
 
  private:
   struct Triangle {
@@ -31,7 +31,7 @@ class StarHull {
   void begin();
   bool insert(std::int32_t point);
   bool place(std::int32_t at, std::int32_t a, std::int32_t b, std::int32_t c);
-  bool is_right() const;
+  bool is_right(double share) const;
   double volume() const;
 
   std::vector<double> x_, y_, z_;     // the points; the first six are the sides of the cube

@@ -14,6 +14,7 @@ namespace {
 constexpr double kNearest = 1e-6;   // planes nearer to the centre are left to the general code
 constexpr double kNearly = 1e-11;   // planes so near to each other, for the nearest, are one
 constexpr double kRounding = 1e-7;  // largest relative error of a volume
+constexpr double kShare = 1e-9;     // no plane may cut more off a hull
 
 struct Plane {
   double normal[3];
@@ -70,7 +71,7 @@ void star_kernels(Points directions, Triangles faces, Doubles distances, Index f
     answers.outcomes[p] = 0;
     if (!(nearest > kNearest)) continue;
     double box[6], volume;
-    if (hull.measure(&volume, box)) {
+    if (hull.measure(kShare, &volume, box)) {
       keep(p, scale, volume, box, answers);
       continue;
     }
