@@ -22,8 +22,8 @@ def test_center(torus, tmp_path, capsys):
     assert "turned away  25.5" in out
     assert "star-shaped  no" in out
     target = tmp_path / "center.json"
-    command = ["center", str(torus), "--visible", "--profile", "--gap", "0.01", "--threads", "2", "-o", str(target), "--json", "-q"]
-    assert main(command) == 0
+    command = ["center", str(torus), "--visible", "--profile", "--gap", "0.01", "--threads", "2", "--json", "-q"]
+    assert main([*command, "-o", str(target)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document == json.loads(target.read_text())
     low, high = document["violation_bounds"]

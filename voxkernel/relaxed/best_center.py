@@ -81,8 +81,8 @@ def best_center(
     that the point moves with it. A cell's lower bound is what all of it violates for certain, its upper one
     what its centre does. The cells of the lowest bound are divided first, up to 2 million cells, or as many planes as
     these have with 2,048 each: what is left open then bounds the minimum as well as it can. Beyond the half-spaces it
-    takes less than 100 bytes a facet. Whether the minimum is 0 is left to the exact kernel, for facets of positive weight. A minimum reached only
-    on a plane, a line or a point is bracketed but may not be met; `reason` says so.
+    takes less than 100 bytes a facet. Whether the minimum is 0 is left to the exact kernel, for facets of positive
+    weight. A minimum reached only on a plane, a line or a point is bracketed but may not be met; `reason` says so.
 
     Examples
     --------

@@ -12,7 +12,9 @@ from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.relaxed.facet_weights import WeighedPlanes
 
-__all__ = ["DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_arrays", "cube_frame", "cube_planes", "root_cube"]
+__all__ = [
+    "DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_arrays", "cube_frame", "cube_planes", "root_cube",
+]  # fmt: skip
 
 DEFAULT_DEPTH = 7
 MIN_DEPTH, MAX_DEPTH = 3, 20
