@@ -15,7 +15,7 @@ import voxkernel
 from voxkernel._core import least_violated, relaxed_cells
 from voxkernel.halfspaces import HalfSpaces, planes_domain
 from voxkernel.relaxed.facet_weights import UNITS, weigh
-from voxkernel.relaxed.root_cube import RootCube, cube_arrays
+from voxkernel.relaxed.root_cube import RootCube, cube_arrays, cube_frame
 
 ALPHA = 0.03
 NEVER = 99
@@ -131,12 +131,14 @@ def test_center_beside_the_prototype(side_by_side, prototype, data_dir, name):
     module = prototype("best_center")
     problem = Problem(data_dir / f"{name}.ply")
     normals, offsets, weights, reach = problem.planes
-    c_normals, c_offsets, c_reach, pads, units, n = cube_arrays(problem.weighed, problem.domain, problem.cube, 14)
+    facets = problem.weighed.facets
+    arrays = facets.local_normals, facets.local_offsets, facets.local_errors, problem.weighed.weights
+    no_border = np.empty((0, 3)), np.empty(0), np.empty(0)
 
     def loop(max_level=15, gap=1e-4):
         return least_violated(
-            c_normals[n:], c_offsets[n:], c_reach[n:], pads[n:], units[n:], 0, 1e-15, UNITS, int(gap * UNITS), 0.0,
-            max_level, 10**8, np.zeros(3), np.zeros(4),
+            *arrays, cube_frame(facets, problem.cube, 14), *no_border, 1e-15, UNITS, int(gap * UNITS), 0.0,
+            max_level, 10**8, 1, np.zeros(3), np.zeros(4),
         )  # fmt: skip
 
     module.bb(normals, offsets, weights, reach, 0.5, 3), loop(3, 0.5), voxkernel.best_center(problem.mesh)

@@ -22,8 +22,8 @@ def test_center(torus, tmp_path, capsys):
     assert "turned away  25.5" in out
     assert "star-shaped  no" in out
     target = tmp_path / "center.json"
-    command = ["center", str(torus), "--visible", "--profile", "--gap", "0.01", "-o", str(target), "--json", "-q"]
-    assert main(command) == 0
+    command = ["center", str(torus), "--visible", "--profile", "--gap", "0.01", "--threads", "2", "--json", "-q"]
+    assert main([*command, "-o", str(target)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document == json.loads(target.read_text())
     low, high = document["violation_bounds"]
@@ -51,6 +51,7 @@ def test_relaxed_kernel(torus, tmp_path, capsys):
         (["center", "x.ply", "--gap", "0"], "must be a number between 0 and 1; got 0"),
         (["center", "x.ply", "--weights", "volume"], "invalid choice: 'volume'"),
         (["kernel", "x.ply", "--tolerance", "0.1", "--margin", "0.1"], "not allowed with argument"),
+        (["center", "x.ply", "--threads", "0"], "must be a whole number from 1 to 256; got 0"),
         (["kernel", "x.ply", "--threads", "0"], "must be a whole number from 1 to 256; got 0"),
     ],
 )

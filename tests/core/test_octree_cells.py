@@ -24,6 +24,14 @@ def unit_planes(rows):
     return normals / lengths[:, None], offsets / lengths
 
 
+def least_of_cube(normals, offsets, pads, weights, n_border, *search, threads=1):
+    """`least_violated` of planes that are in the unit cube already, the first of them those of a domain."""
+    n = n_border
+    in_the_cube = np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0])
+    arrays = normals[n:], offsets[n:], pads[n:], weights[n:], in_the_cube, normals[:n], offsets[:n], pads[:n]
+    return least_violated(*arrays, *search[:-2], threads, *search[-2:])
+
+
 def reach_of(normals):
     return np.abs(normals).sum(axis=1)
 
@@ -177,8 +185,8 @@ def test_least_violated(n):
     weights = np.full(len(rows), UNITS // len(rows))
     center, cell = np.full(3, np.nan), np.full(4, np.nan)
     pads = np.full(len(rows), 1e-14)
-    best, lower, n_cells, _ = least_violated(
-        normals, offsets, reach_of(normals), pads, weights, 0, 1e-15, UNITS, UNITS // 100, 0.0, 10, 10**6, center, cell
+    best, lower, n_cells, _ = least_of_cube(
+        normals, offsets, pads, weights, 0, 1e-15, UNITS, UNITS // 100, 0.0, 10, 10**6, center, cell
     )
     assert 0 <= lower <= best <= UNITS
     assert n_cells > 0
@@ -191,10 +199,10 @@ def test_least_violated_visits_the_best_cells_first():
     """More cells never loosen the lower bound; few prove more than all cells of a level do, of which there are more."""
     rows = [(a, b, c, d - 25) for a, b, c, d in many_planes(1200)]
     normals, offsets = unit_planes(rows)
-    reach, pads, weights = reach_of(normals), np.full(len(rows), 1e-14), np.ones(len(rows), np.int64)
+    pads, weights = np.full(len(rows), 1e-14), np.ones(len(rows), np.int64)
     found = [
-        least_violated(
-            normals, offsets, reach, pads, weights, 0, 1e-15, len(rows), 1, 0.0, 10, most, np.empty(3), np.empty(4)
+        least_of_cube(
+            normals, offsets, pads, weights, 0, 1e-15, len(rows), 1, 0.0, 10, most, np.empty(3), np.empty(4)
         )
         for most in (9, 99, 999, 4000, 10**7)
     ]
@@ -203,16 +211,76 @@ def test_least_violated_visits_the_best_cells_first():
     assert lower[-1] <= min(best for best, *_ in found)
     assert [is_over for *_, is_over in found] == [True] * 4 + [False]
     centers = (np.stack(np.indices((16,) * 3), axis=-1).reshape(-1, 3) + 0.5) / 16
-    sure = (centers @ normals.T - offsets > reach / 32).sum(axis=1)
+    sure = (centers @ normals.T - offsets > reach_of(normals) / 32).sum(axis=1)
     assert lower[3] > sure.min()
+
+
+def _long_lists(seed, n=20_000):
+    """More planes than a list of planes holds at first, about a point off the middle, some of them of a domain."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(n, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    offsets = normals @ [0.4, 0.55, 0.6] + 0.15 * rng.normal(size=n) + 0.1
+    offsets[:6] = normals[:6] @ np.full(3, 0.5) + 0.3
+    return normals, offsets, np.full(n, 1e-14), rng.integers(1, 1000, n)
+
+
+@pytest.mark.parametrize("most", [40, 2000, 10**6])
+def test_least_violated_does_not_depend_on_threads(most):
+    """All bits are the same, also where the cap on cells ends the search in the middle of a round."""
+    arrays = _long_lists(3)
+    total = int(arrays[3].sum())
+    found = []
+    for threads in (1, 2, 3, 5):
+        center, cell = np.full(3, np.nan), np.full(4, np.nan)
+        best = least_of_cube(
+            *arrays, 6, 1e-15, total, total // 200, 0.0, 9, most, center, cell, threads=threads
+        )
+        found.append((best, center.tobytes(), cell.tobytes()))
+    assert found == found[:1] * 4
+
+
+def test_least_violated_of_long_lists():
+    """Lists of numbers, of which each plane is counted once: no sample is below the bound, the centre is as said."""
+    normals, offsets, pads, weights = _long_lists(4)
+    center, cell = np.full(3, np.nan), np.full(4, np.nan)
+    total = int(weights[6:].sum())
+    best, lower, _, is_over = least_of_cube(
+        normals, offsets, pads, weights, 6, 1e-15, total, total // 1000, 0.0, 12, 10**6, center, cell
+    )
+    assert not is_over
+    assert best - lower <= total // 1000
+    assert weights[6:][normals[6:] @ center - offsets[6:] > 0].sum() == best
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.random((400, 3)), center + 0.01 * (rng.random((400, 3)) - 0.5)])
+    points = points[(points @ normals[:6].T <= offsets[:6]).all(axis=1)]
+    assert len(points) > 400
+    assert ((points @ normals[6:].T > offsets[6:]) @ weights[6:]).min() >= lower
+
+
+def test_the_frame_of_planes_is_undone():
+    """Planes turned, moved and scaled, with the frame that puts them back, have the answer of those of the cube."""
+    normals, offsets, pads, weights = _long_lists(5, 5000)
+    turn = np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))[0]
+    shift, scale = np.array([0.3, -0.2, 0.1]), 0.25
+    frame = np.array([*turn.ravel(), *shift, scale, 3.0, 1e-13])
+    own = np.ascontiguousarray(normals @ turn), (offsets - normals @ shift) / scale, pads / 3.0
+    nothing = np.empty((0, 3)), np.empty(0), np.empty(0)
+    total = int(weights.sum())
+    search = 1e-15, total, total // 500, 0.0, 12, 10**6
+    center, other, cell = np.empty(3), np.empty(3), np.empty(4)
+    best = least_of_cube(normals, offsets, pads, weights, 0, *search, center, cell)
+    moved = least_violated(*own, weights, frame, *nothing, *search, 1, other, cell)
+    assert moved[:2] == best[:2]
+    np.testing.assert_allclose(other, center, rtol=0, atol=1e-12)
 
 
 def test_least_violated_stays_in_the_domain():
     """The half-space z <= 1/8 has no weight but counts; the one plane asks for z >= 7/8."""
     normals, offsets = unit_planes([(0, 0, 1, 1), (0, 0, -1, -7)])
     center, cell = np.full(3, np.nan), np.full(4, np.nan)
-    best, lower, *_ = least_violated(
-        normals, offsets, reach_of(normals), np.full(2, 1e-14), np.array([1, UNITS]), 1, 1e-15, UNITS + 1, 0, 0.0, 8,
+    best, lower, *_ = least_of_cube(
+        normals, offsets, np.full(2, 1e-14), np.array([1, UNITS]), 1, 1e-15, UNITS + 1, 0, 0.0, 8,
         10**6, center, cell,
     )  # fmt: skip
     assert (best, lower) == (UNITS, UNITS)
@@ -233,7 +301,7 @@ def test_arrays_are_not_converted():
     locked.flags.writeable = False
     for center, cell in ((locked, np.zeros(4)), (np.zeros(4), np.zeros(4)), (np.zeros(3), np.zeros(3))):
         with pytest.raises(TypeError, match="incompatible function arguments"):
-            least_violated(normals, offsets, reach, pads, weights, 0, 0.0, 1, 1, 0.0, 4, 9, center, cell)
+            least_of_cube(normals, offsets, pads, weights, 0, 0.0, 1, 1, 0.0, 4, 9, center, cell)
     numbers = np.column_stack([normals, reach, offsets])
     with pytest.raises(TypeError, match="incompatible function arguments"):
         relaxed_cells(numbers, weights, 0, 0, weights, weights, np.array([0, 1, 2]), 4, -1, weights, 99, False)

@@ -8,14 +8,13 @@ from pathlib import Path
 import label_shapes
 import numpy as np
 from grids import random_grid
-from test_octree_cells import many_planes, reach_of, run_relaxed, unit_planes
+from test_octree_cells import least_of_cube, many_planes, reach_of, run_relaxed, unit_planes
 
 from voxkernel import star_polyhedra_kernels
 from voxkernel._core import (
     best_voxel,
     exact_cells,
     facet_planes,
-    least_violated,
     plane_signs,
     points_in_table,
     squared_depths,
@@ -55,10 +54,15 @@ def octrees():
     arrays += run_relaxed(rows, weights, 40, 6, bounds, bounds)
     arrays += violation_cells(normals, offsets, reach * (1 + 1e-13), weights, 40, bounds[1], 7.0, 5)
     center, cell = np.full(3, np.nan), np.full(4, np.nan)
-    best = least_violated(
-        normals, offsets, reach, pads, weights, 40, 1e-15, weights.sum(), 9, 0.0, 6, 9999, center, cell
-    )
-    return b"".join(np.asarray(a).tobytes() for a in (*arrays, *best, center, cell))
+    best = least_of_cube(normals, offsets, pads, weights, 40, 1e-15, weights.sum(), 9, 0.0, 6, 9999, center, cell)
+    # More than a list of planes holds at first.
+    many = np.random.default_rng(8).normal(size=(6000, 3))
+    many /= np.linalg.norm(many, axis=1, keepdims=True)
+    more, last = np.full(3, np.nan), np.full(4, np.nan)
+    search = 1e-15, 6000, 9, 0.0, 6, 999, more, last
+    beside = many @ np.full(3, 0.45) + np.linspace(-0.2, 0.4, 6000), np.full(6000, 1e-14), np.ones(6000, np.int64)
+    best += least_of_cube(many, *beside, 40, *search)
+    return b"".join(np.asarray(a).tobytes() for a in (*arrays, *best, center, cell, more, last))
 
 
 def planes():

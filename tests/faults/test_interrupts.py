@@ -129,9 +129,11 @@ def _least(planes, cube):
     offsets = normals @ np.full(3, 0.5) + 0.2 * rng.normal(size=len(normals))
     pads, weights = np.full(len(normals), 1e-14), np.full(len(normals), UNITS // len(normals))
     center, cell = np.empty(3), np.empty(4)
-    search = 0, 0.0, 42, 10**12  # gap, ratio, levels, cells
+    in_the_cube = np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0])
+    no_border = np.empty((0, 3)), np.empty(0), np.empty(0)
+    search = 0, 0.0, 42, 10**12, 2  # gap, ratio, levels, cells, threads
     return lambda: _core.least_violated(
-        normals, offsets, np.abs(normals).sum(axis=1), pads, weights, 0, 1e-15, UNITS, *search, center, cell
+        normals, offsets, pads, weights, in_the_cube, *no_border, 1e-15, UNITS, *search, center, cell
     )
 
 

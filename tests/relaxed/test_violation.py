@@ -208,6 +208,7 @@ def test_gaps():
         ({"relative_gap": 1.0}, "`relative_gap` must be below 1; got 1"),
         ({"relative_gap": -0.5}, "`relative_gap` must be > 0"),
         ({"domain": "sphere"}, "`domain` must be one of"),
+        ({"threads": 0}, r"`threads` must be in 1\.\.256; got 0"),
     ],
 )
 def test_bad_gaps(options, message):
@@ -234,6 +235,15 @@ def test_flat_input(surface):
     found = best_center(surface, domain=(np.r_[np.eye(3), -np.eye(3)], [3, 3, 3] * 2))
     assert found.violation_bounds == (0, 0)
     assert np.isfinite(found.point).all()
+
+
+def test_threads_change_nothing(rng):
+    """Of more planes than a list of planes holds at first, in a domain that cuts."""
+    vertices, faces = shapes.icosphere(5)
+    surface = vertices * (1 + 0.4 * rng.random(len(vertices)))[:, None], faces
+    one, two = (best_center(surface, gap=0.01, domain="box", threads=n) for n in (1, 2))
+    assert one.violation_bounds[0] > 0.01
+    assert one.to_dict() == two.to_dict()
 
 
 def test_deterministic():

@@ -8,24 +8,31 @@ namespace voxkernel {
 void bind_violation(nb::module_& m) {
   m.def(
       "least_violated",
-      [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> reach,
-         Array1<const double> pads, Array1<const Index> weights, Index n_domain, double blur, Index best, Index gap,
-         double ratio, int max_level, Index max_cells, Array<double, 3> center, Array<double, 4> open_cell) {
+      [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors,
+         Array1<const Index> weights, Array<const double, 15> frame, Array2<const double, 3> border_normals,
+         Array1<const double> border_offsets, Array1<const double> border_pads, double blur, Index best, Index gap,
+         double ratio, int max_level, Index max_cells, int threads, Array<double, 3> center,
+         Array<double, 4> open_cell) {
         const Least found = without_lock([&](Stop& stop) {
-          return least_violated({rows(normals), span(offsets), span(reach), span(pads), span(weights), n_domain}, blur,
-                                best, {gap, ratio, max_level, max_cells}, center.data(), open_cell.data(), stop);
+          return least_violated({rows(normals), span(offsets), span(errors), span(weights), CubeFrame(frame.data())},
+                                {rows(border_normals), span(border_offsets), span(border_pads)}, blur, best,
+                                {gap, ratio, max_level, max_cells, threads}, center.data(), open_cell.data(), stop);
         });
         return std::make_tuple(found.best, found.lower, found.n_cells, found.is_over);
       },
-      array("normals"), array("offsets"), array("reach"), array("pads"), array("weights"), nb::arg("n_domain"),
-      nb::arg("blur"), nb::arg("best"), nb::arg("gap"), nb::arg("ratio"), nb::arg("max_level"), nb::arg("max_cells"),
-      array("center"), array("open_cell"),
+      array("normals"), array("offsets"), array("errors"), array("weights"), array("frame"), array("border_normals"),
+      array("border_offsets"), array("border_pads"), nb::arg("blur"), nb::arg("best"), nb::arg("gap"), nb::arg("ratio"),
+      nb::arg("max_level"), nb::arg("max_cells"), nb::arg("threads"), array("center"), array("open_cell"),
       "Find the least violated weight in the unit cube within `gap`, or within `ratio` of it where that is more.\n\n"
-      "The first `n_domain` planes are the domain's. `best` is a weight known to be reached; when a centre does\n"
-      "better, it is written to `center`. `blur` is by how much a centre may move later.\n\n"
+      "Planes are in a frame of their own; `frame` says how they come into the cube: nine numbers that turn normals,\n"
+      "three along which offsets are moved, what offsets are scaled by, and what errors are multiplied by and then\n"
+      "added to become pads. The border is that of a domain, in the cube. `best` is a weight known to be reached; "
+      "when\n"
+      "a centre does better, it is written to `center`. `blur` is by how much a centre may move later.\n\n"
       "Returns (best, lower, n_cells, is_over): `lower` is certain; it is further below than asked for when cells of\n"
       "`max_level` stay open, or when it is over because `max_cells` have been looked at or as many planes as these\n"
-      "have with 2,048 each. `open_cell` is centre and half edge of the least violated open cell of `max_level`.");
+      "have with 2,048 each. `open_cell` is centre and half edge of the least violated open cell of `max_level`.\n"
+      "Nothing depends on the number of threads.");
   m.def(
       "violation_cells",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> reach,

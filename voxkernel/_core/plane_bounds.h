@@ -17,7 +17,8 @@
 //        s > h reach + pad        all of the cell violates the plane,
 //        s < -(h reach + pad)     none of it does.
 //    The callers' pads are 64 u and more (`cube_planes` in Python), so that sums of pads and s, off by u pad, are
-//    covered too. Where the smallest cells are known to have half edge v, a pad may be a part of the reach, |a|_1 + pad
+//    covered too. Where a list is made afresh for a cell (facet_lists.cpp), s = a . c - b with 0 <= c <= 1 costs 3 u |a|_1
+//    and u |s|, no more than at the cube and its levels above. Where the smallest cells are known to have half edge v, a pad may be a part of the reach, |a|_1 + pad
 //    / v: h times that is at least h |a|_1 + pad for h >= v; its sum is off by u r like the one above. At the centre of
 //    a cell h = 0: |s| > pad is certain.
 //

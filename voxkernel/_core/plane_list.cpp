@@ -160,6 +160,22 @@ void weights_of_children_avx2(const PlaneView& planes, Index first, Index last, 
   }
 }
 
+VOXKERNEL_AVX2 void crossed_children_avx2(const PlaneView& planes, Index n, double h, std::uint8_t* children) {
+  const PlaneView p = planes;
+  for (Index t = 0; t < n; t += 4) {
+    const __m256d r = radius_of_four<true>(p, t, _mm256_set1_pd(h)), least = negative(r);
+    __m256i crossed = _mm256_setzero_si256();
+    for (int c = 0; c < 8; ++c) {
+      const __m256d s = value_of_four(p, t, four_times(child_step(c, h)));
+      const __m256d is_crossed = _mm256_and_pd(_mm256_cmp_pd(s, r, _CMP_LE_OQ), _mm256_cmp_pd(least, s, _CMP_LE_OQ));
+      crossed = _mm256_or_si256(crossed, kept_if(is_crossed, _mm256_set1_epi64x(1 << c)));
+    }
+    alignas(32) std::int64_t lanes[4];
+    _mm256_store_si256(reinterpret_cast<__m256i*>(lanes), crossed);
+    for (Index k = 0; k < std::min<Index>(4, n - t); ++k) children[t + k] = static_cast<std::uint8_t>(lanes[k]);
+  }
+}
+
 template <bool has_pad, bool has_weight, bool is_search>
 VOXKERNEL_AVX2 Index keep_avx2(const PlaneView& planes, Index first, Index last, Index at, const Step& step_) {
   const PlaneView p = planes;
@@ -235,6 +251,22 @@ void weights_of_children(const PlaneView& planes, Index first, Index last, doubl
       children[c].certain += more.certain;
       children[c].possible += more.possible;
     }
+  }
+}
+
+void crossed_children(const PlaneView& planes, Index n, double h, std::uint8_t* children) {
+#ifdef VOXKERNEL_HAS_AVX2
+  if (has_avx2) return crossed_children_avx2(planes, n, h, children);
+#endif
+  const PlaneView p = planes;
+  for (Index t = 0; t < n; ++t) {
+    const double r = radius<true>(p, t, h);
+    int crossed = 0;
+    for (int c = 0; c < 8; ++c) {
+      const double s = value_at(p, t, child_step(c, h));
+      crossed |= static_cast<int>(-r <= s && s <= r) << c;
+    }
+    children[t] = static_cast<std::uint8_t>(crossed);
   }
 }
 

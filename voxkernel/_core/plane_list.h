@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
 
 #include "columns.h"
@@ -82,6 +83,9 @@ constexpr Index kNoLimit = std::numeric_limits<Index>::max();
 template <typename Limits>
 void weights_of_children(const PlaneView& planes, Index first, Index last, double h, Index most, int wanted,
                          const Limits& limits, Weights (&children)[8]);
+// Which of the eight children each of the first n planes of a list with pads may cross, child c by bit c; by the same
+// numbers as the weights of children. Planes beyond n are read, as far as kSlack.
+void crossed_children(const PlaneView& planes, Index n, double h, std::uint8_t* children);
 // Copies the planes first..last that the cell may cross to `at` and after, weights among them; returns where they end.
 template <bool has_pad>
 Index keep_crossing(const PlaneView& planes, Index first, Index last, Index at, const Step& step);

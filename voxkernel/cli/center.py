@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from voxkernel.cli.argument_types import whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--weights", choices=("area", "count"), default="area", help="what a facet counts")
     parser.add_argument("--gap", type=_share, metavar="G", help="stop when the bounds are this close; 1e-4 by default")
     parser.add_argument("--relative-gap", type=_share, metavar="R", help="stop at this share of the upper bound")
+    parser.add_argument("--threads", type=whole(1, 256), default=1, metavar="N", help="threads; 1 by default")
     parser.add_argument("--visible", action="store_true", help="cast rays: how much is really visible from there")
     parser.add_argument("--profile", action="store_true", help="volumes of the relaxed kernels for 26 tolerances")
 
@@ -62,8 +64,9 @@ def run(args: argparse.Namespace) -> int:
         mesh: Any = opened(args.mesh, quiet=args.quiet) if args.stream else as_mesh(args.mesh)
     with args.stage("searching for the point that faces the most"):
         center = best_center(
-            mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights
-        )
+            mesh, gap=args.gap, relative_gap=args.relative_gap, domain=args.domain, weights=args.weights,
+            threads=args.threads,
+        )  # fmt: skip
     low, high = center.violation_bounds
     document: dict[str, Any] = {"file": args.mesh, **center.to_dict()}
     rows = {

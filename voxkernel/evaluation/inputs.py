@@ -231,7 +231,9 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 def _known(name: str) -> bool:
     dot = name.rfind(".")  # of most names the suffix begins there, which `splitext` takes its time to say
-    return name[dot:].lower() in _KNOWN and posixpath.splitext(name)[1] != ""
+    if name[dot:].lower() not in _KNOWN:
+        return False
+    return (dot > 0 and name[dot - 1].isalnum()) or posixpath.splitext(name)[1] != ""
 
 
 def _is_cells(folder: str) -> bool:

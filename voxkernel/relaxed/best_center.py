@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._checks import as_positive, read_only
+from voxkernel._checks import as_depth, as_positive, read_only
 from voxkernel._core import least_violated
 from voxkernel.exact import kernel_of_halfspaces
 from voxkernel.halfspaces import Domain, HalfSpaces, find_feasibility
@@ -16,7 +16,7 @@ from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike,
 from voxkernel.large import StreamedSurface
 from voxkernel.large.stream_mesh import reader_of
 from voxkernel.relaxed.facet_weights import UNITS, WeighedPlanes, weigh
-from voxkernel.relaxed.root_cube import RootCube, cube_arrays
+from voxkernel.relaxed.root_cube import RootCube, cube_frame, cube_planes
 from voxkernel.relaxed.star_center import MAX_CELLS, StarCenter, skew_cube
 from voxkernel.relaxed.streamed_center import streamed_center
 from voxkernel.relaxed.violated_units import violated_units
@@ -39,6 +39,7 @@ def best_center(
     domain: Any = None,
     weights: Weights = "area",
     facets: Any = None,
+    threads: int = 1,
 ) -> StarCenter:
     """Find the point that faces the most of a surface, with certain bounds on the smallest violation.
 
@@ -61,6 +62,8 @@ def best_center(
         As for `violation`.
     facets : int array or bool mask, optional
         Restrict the surface to these facets.
+    threads : int
+        Threads of the search; the result does not depend on it.
 
     Returns
     -------
@@ -77,9 +80,9 @@ def best_center(
     Global, not a local search: branch and bound over octree cells in the principal frame of the surface, so
     that the point moves with it. A cell's lower bound is what all of it violates for certain, its upper one
     what its centre does. The cells of the lowest bound are divided first, up to 2 million cells, or as many planes as
-    these have with 2,048 each: what is left open then bounds the minimum as well as it can. Whether the
-    minimum is 0 is left to the exact kernel, for facets of positive weight. A minimum reached only
-    on a plane, a line or a point is bracketed but may not be met; `reason` says so.
+    these have with 2,048 each: what is left open then bounds the minimum as well as it can. Beyond the half-spaces it
+    takes less than 100 bytes a facet. Whether the minimum is 0 is left to the exact kernel, for facets of positive
+    weight. A minimum reached only on a plane, a line or a point is bracketed but may not be met; `reason` says so.
 
     Examples
     --------
@@ -94,31 +97,30 @@ def best_center(
         raise ValueError(f"`relative_gap` must be below 1; got {ratio:g}")
     default = GAP if relative_gap is None else 0.0
     share = default if gap is None else min(1.0, as_positive("gap", gap))
+    n_threads = as_depth("threads", threads, 1, 256)
     if isinstance(surface, StreamedSurface):
-        return streamed_center(reader_of(surface, facets), domain, weights, share, ratio, center_of_planes)
+        reader = reader_of(surface, facets)
+        return streamed_center(reader, domain, weights, share, ratio, center_of_planes, n_threads)
     found = surface_argument(surface, facets)
-    return center_of_planes(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, share, ratio)
+    planes = weigh(found.halfspaces, weights, mesh=found.mesh)
+    return center_of_planes(planes, found, domain, share, ratio, threads=n_threads)
 
 
 def center_of_planes(
-    planes: WeighedPlanes, surface: SurfaceArgument, domain: Any, gap: float, ratio: float = 0.0
+    planes: WeighedPlanes, surface: SurfaceArgument, domain: Any, gap: float, ratio: float = 0.0, *, threads: int = 1
 ) -> StarCenter:
     """Find the least violated point of the weighed planes of a surface; `domain` is an argument or a Domain."""
     facets = planes.facets
     # The kernel of a closed surface needs no domain; whether there is one is known before its hull is made.
     is_inside = domain is None and surface.mesh is not None and surface.halfspaces.bounds_volume
     region = None if is_inside else surface.bounded_domain(domain)
-    every = facets if region is None else facets.with_planes(region.normals, region.offsets)
-    verdict = find_feasibility(every)
-    if verdict.dimension >= 0:
+    known = _least_of_witness(planes, region)
+    if known is None:
         kernel = kernel_of_halfspaces(facets, region)
         return StarCenter(kernel.deepest_point, (0.0, 0.0), region, 0, "")
-    # No point satisfies the witness, so one of its facets is always violated.
-    held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
-    known = float(planes.shares[held].min()) if held else 0.0
     if region is None:
         region = surface.bounded_domain(None)
-    point, best, lower, n_cells = _searched(planes, surface, region, gap, ratio)
+    point, best, lower, n_cells = _searched(planes, surface, region, gap, ratio, threads)
     low, high = planes.share_bounds(lower, best)
     low = min(high, max(low, known))
     close = high - low <= max(gap, ratio * high) + 4 * planes.slack / UNITS
@@ -126,21 +128,35 @@ def center_of_planes(
     return StarCenter(read_only(point), (low, high), region, n_cells, reason)
 
 
+def _least_of_witness(planes: WeighedPlanes, region: Domain | None) -> float | None:
+    """Share that every point violates, for there is a witness, one of whose facets it does; None where a kernel is."""
+    facets = planes.facets
+    verdict = find_feasibility(facets if region is None else facets.with_planes(region.normals, region.offsets))
+    if verdict.dimension >= 0:
+        return None
+    held = [i for i in verdict.witnesses[0].ids if i < len(facets)]
+    return float(planes.shares[held].min()) if held else 0.0
+
+
 def _searched(
-    planes: WeighedPlanes, surface: SurfaceArgument, region: Domain, gap: float, ratio: float
+    planes: WeighedPlanes, surface: SurfaceArgument, region: Domain, gap: float, ratio: float, threads: int
 ) -> tuple[NDArray[np.float64], int, int, int]:
     """Search in rounds that go deeper, so that a flat minimum is not chased before the rest is seen."""
     mesh = surface.mesh
     cube = skew_cube(region, surface.own_axes())
-    arrays = cube_arrays(planes, region, cube, _LEVELS[-1])
+    facets, border = planes.facets, HalfSpaces.from_planes(region.normals, region.offsets)
+    normals, offsets, _, pads = cube_planes(border, cube, _LEVELS[-1])
+    arrays = (
+        facets.local_normals, facets.local_offsets, facets.local_errors, planes.weights,
+        cube_frame(facets, cube, _LEVELS[-1]), normals, offsets, pads,
+    )  # fmt: skip
     blur = 8 * _UNIT_ROUNDOFF * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     point = region.vertices.mean(axis=0)
     is_coarse = len(planes.facets) <= _COARSE
     seeds = point[None]
     if mesh is not None and is_coarse:
         seeds = np.concatenate([seeds, mesh.used_vertices])
-    border = weigh(HalfSpaces.from_planes(region.normals, region.offsets))
-    seeds = seeds[violated_units(border, seeds) == 0]
+    seeds = seeds[violated_units(weigh(border), seeds) == 0]
     best, lower, n_cells, close = int(planes.weights.sum()), 0, 0, int(gap * UNITS)
     if len(seeds):
         sums = violated_units(planes, seeds)
@@ -149,7 +165,7 @@ def _searched(
         unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
         # One unit more than is known lets the centre of a cell win over a seed on the surface.
         reached, lower, count, is_over = least_violated(
-            *arrays, blur, best + 1, close, ratio, levels, MAX_CELLS, unit, open_cell
+            *arrays, blur, best + 1, close, ratio, levels, MAX_CELLS, threads, unit, open_cell
         )
         n_cells += count
         if not np.isnan(unit).any():

@@ -12,7 +12,9 @@ from voxkernel._frozen import Frozen
 from voxkernel.halfspaces import Domain, HalfSpaces
 from voxkernel.relaxed.facet_weights import WeighedPlanes
 
-__all__ = ["DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_arrays", "cube_planes", "root_cube"]
+__all__ = [
+    "DEFAULT_DEPTH", "MAX_DEPTH", "MIN_DEPTH", "RootCube", "cube_arrays", "cube_frame", "cube_planes", "root_cube",
+]  # fmt: skip
 
 DEFAULT_DEPTH = 7
 MIN_DEPTH, MAX_DEPTH = 3, 20
@@ -62,22 +64,30 @@ def root_cube(
     return RootCube(read_only(base + (middle - 0.5 * edge) @ axes), edge, axes), levels
 
 
+def cube_frame(planes: HalfSpaces, cube: RootCube, depth: int) -> NDArray[np.float64]:
+    """Say how planes come from their local frame into the unit cube, as the compiled core takes it, (15,).
+
+    Nine numbers turn the normals, offsets are scaled by the thirteenth and moved by the turned normal times the three
+    before it; the pad is the error times the fourteenth and the last one. It covers the bound of the plane itself, the
+    change of coordinates, and the sums made while descending; each is a few units in the last place of numbers of the
+    size of the cube.
+    """
+    scale = planes.scale / cube.edge
+    along = (planes.origin - cube.corner) / cube.edge @ cube.axes.T
+    far = float(np.linalg.norm(along)) + 2.0
+    least_pad = _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
+    return np.array([*cube.axes.ravel(), *along, scale, far + scale, least_pad])
+
+
 def cube_planes(
     planes: HalfSpaces, cube: RootCube, depth: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Express half-spaces in the unit cube: normals, offsets, |a|_1 and the pad that covers all rounding.
-
-    The pad adds the bound of the plane itself, the change of coordinates, and the sums made while
-    descending; each is a few units in the last place of numbers of the size of the cube.
-    """
-    scale = planes.scale / cube.edge
+    """Express half-spaces in the unit cube: normals, offsets, |a|_1 and the pad that covers all rounding."""
+    frame = cube_frame(planes, cube, depth)
+    scale, error_factor, least_pad = frame[12:]
     normals = planes.local_normals @ cube.axes.T
-    shift = (planes.origin - cube.corner) / cube.edge
-    along = shift @ cube.axes.T
-    offsets = planes.local_offsets * scale + normals @ along
-    far = float(np.linalg.norm(along)) + 2.0
-    pads = planes.local_errors * (far + scale) + _UNIT * (32.0 * (far + scale) + 8.0 * (depth + 8))
-    return normals, offsets, np.abs(normals).sum(axis=1), pads
+    offsets = planes.local_offsets * scale + normals @ frame[9:12]
+    return normals, offsets, np.abs(normals).sum(axis=1), planes.local_errors * error_factor + least_pad
 
 
 def cube_arrays(

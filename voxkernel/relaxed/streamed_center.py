@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +25,29 @@ __all__ = ["center_of_stream", "streamed_center"]
 _MOST_PLANES = 1 << 20
 _LEVELS = 26
 _UNIT = 2.0**-53
+_IN_THE_CUBE = read_only(np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0]))  # planes that are there already
 
-InMemory = Callable[[WeighedPlanes, SurfaceArgument, Any, float, float], StarCenter]
+
+
+class InMemory(Protocol):
+    """Finds the least violated point of planes in memory."""
+
+    def __call__(
+        self, planes: WeighedPlanes, surface: SurfaceArgument, domain: Any, gap: float, ratio: float = 0.0, *,
+        threads: int = 1,
+    ) -> StarCenter:
+        """See `center_of_planes`."""
+        ...
 
 
 def streamed_center(
-    reader: SurfaceReader, domain: Any, weights: Any, gap: float, ratio: float, in_memory: InMemory
+    reader: SurfaceReader, domain: Any, weights: Any, gap: float, ratio: float, in_memory: InMemory, threads: int = 1
 ) -> StarCenter:
     """Find the least violated point of a stream."""
     if not isinstance(weights, str):
         raise ValueError("`weights` must be 'area' or 'count' for a streamed surface; got an array")
-    return center_of_stream(reader, kernel_of_stream(reader, domain), domain, weights, gap, ratio, in_memory)
+    kernel = kernel_of_stream(reader, domain)
+    return center_of_stream(reader, kernel, domain, weights, gap, ratio, in_memory, threads)
 
 
 def center_of_stream(
@@ -47,6 +58,7 @@ def center_of_stream(
     gap: float,
     ratio: float,
     in_memory: InMemory,
+    threads: int = 1,
 ) -> StarCenter:
     """Find the least violated point of a stream whose kernel is known; `in_memory` does it for few facets.
 
@@ -59,13 +71,13 @@ def center_of_stream(
         return StarCenter(kernel.deepest_point, (0.0, 0.0), kernel.domain, 0, "")
     if reader.facts().n_planes <= _MOST_PLANES:
         found = surface_argument(reader.to_mesh())
-        return in_memory(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, gap, ratio)
+        return in_memory(weigh(found.halfspaces, weights, mesh=found.mesh), found, domain, gap, ratio, threads=threads)
     weighed = StreamedWeights(reader, weights)
     known = weighed.share_of_facets([i for i in kernel.certificate.facet_ids if i >= 0])
     region = relaxed_region(reader, domain)
     cube = skew_cube(region, np.eye(3))
     thick = _gathered(weighed, cube)
-    point, best, lower, n_cells = _searched(thick, weighed, region, cube, gap, ratio)
+    point, best, lower, n_cells = _searched(thick, weighed, region, cube, gap, ratio, threads)
     slack = weighed.slack
     low = min(best, max(0, lower - slack)) / UNITS if lower else 0.0
     high = min(UNITS, best + slack) / UNITS if best else 0.0
@@ -88,23 +100,20 @@ def _gathered(weighed: StreamedWeights, cube: RootCube) -> ThickPlanes:
 
 
 def _searched(
-    thick: ThickPlanes, weighed: StreamedWeights, region: Domain, cube: RootCube, gap: float, ratio: float
+    thick: ThickPlanes, weighed: StreamedWeights, region: Domain, cube: RootCube, gap: float, ratio: float, threads: int
 ) -> tuple[NDArray[np.float64], int, int, int]:
     """Branch and bound over cells with the thick planes; the upper bound is counted with all of them."""
     point = region.vertices.mean(axis=0)
     best = int(weighed.violated(point[None])[0])
     border = HalfSpaces.from_planes(region.normals, region.offsets)
     edges = cube_planes(border, cube, _LEVELS)
-    normals = np.concatenate([edges[0], thick.normals])
     arrays = (
-        normals, np.concatenate([edges[1], thick.offsets]), np.abs(normals).sum(axis=1),
-        np.concatenate([edges[3], thick.pads]), np.concatenate([np.ones(len(border), np.int64), thick.weights]),
-        len(border),
+        thick.normals, thick.offsets, thick.pads, thick.weights, _IN_THE_CUBE, edges[0], edges[1], edges[3],
     )  # fmt: skip
     blur = 8 * _UNIT * (1.0 + float(np.abs(cube.corner).max()) / cube.edge)
     unit, open_cell = np.full(3, np.nan), np.full(4, np.nan)
     _, lower, n_cells, _ = least_violated(
-        *arrays, blur, best + 1, int(gap * UNITS), ratio, _LEVELS, MAX_CELLS, unit, open_cell
+        *arrays, blur, best + 1, int(gap * UNITS), ratio, _LEVELS, MAX_CELLS, threads, unit, open_cell
     )
     if not np.isnan(unit).any():
         found = cube.to_world(unit)
