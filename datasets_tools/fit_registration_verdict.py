@@ -24,14 +24,15 @@ import tool
 EXAMPLES = ("fit_registration_verdict.py --data data --outcomes outcomes.json -o verdict.md",)
 # What is done to a shape; of those in a tuple one is chosen.
 RIGHT = (
-    ("noise 0.003", "noise 0.01"), ("copy", "coarse"), ("cropped 0.5", "cropped 0.3", "cropped 0.7"),
-    ("both 0.3", "both 0.4", "both 0.2"), ("plane", "shoulders"),
+    ("noise 0.003", "noise 0.006", "noise 0.012"), ("copy", "coarse"), ("cropped 0.5", "cropped 0.3", "cropped 0.7"),
+    ("worn 0.3", "worn 0.5"), ("both 0.3", "both 0.4", "both 0.2"), ("plane", "shoulders"),
 )  # fmt: skip
 WRONG = (("other",), ("scale 1.1", "scale 0.9", "scale 1.05"), ("mirrored", "scale 2"), ("disjoint", "other cropped"))
 
 # Faces and animals are nearly their own mirror images, which then have a right answer.
-PENALTY = 0.005  # of the squared weights: evidence that says the same shares its weight
-MARGIN = 0.5  # log-odds between an example and a limit
+PENALTY = 0.002  # of the squared weights: evidence that says the same shares its weight
+FALSE = 0.02  # share of the wrong answers of the fitted half that may be called right
+MARGIN = 0.05  # log-odds from a wrong answer to the limit
 EXPRESSIONS = "face, another expression or person"
 CHIRAL = ("formula", "formula, open", "asteroid")
 
@@ -49,6 +50,8 @@ def changed(kind: str, shape: Any, other: Any, seed: int) -> tuple[Any, Any]:
         return shape, noisy(shape, value * extent(shape), seed)
     if word == "coarse":
         return shape, decimated(shape, 500)
+    if word == "worn":
+        return shape, cropped(noisy(shape, 0.006 * extent(shape), seed), value, seed)
     if word == "cropped":
         return shape, cropped(light, value, seed)
     if word == "both":
@@ -71,7 +74,9 @@ def changed(kind: str, shape: Any, other: Any, seed: int) -> tuple[Any, Any]:
     return shape, (np.array(light[0]), light[1])
 
 
-def pairs(data: Path | None, rounds: int, first: int) -> Iterator[tuple[str, str, str, bool, Any]]:
+def pairs(
+    data: Path | None, rounds: int, first: int, halves: Sequence[int]
+) -> Iterator[tuple[str, str, str, bool, Any]]:
     """Give half, kind of shape, what was done, whether there is a right answer, and the pair."""
     import numpy as np
     from registration_pairs import posed
@@ -81,6 +86,8 @@ def pairs(data: Path | None, rounds: int, first: int) -> Iterator[tuple[str, str
     for turn in range(first, first + rounds):
         for place, (kind, name, get) in enumerate(known):
             half = half_of(name)
+            if half not in halves:
+                continue
             others = [g for k, n, g in known if k == kind and n != name and half_of(n) == half]
             rng = np.random.default_rng([29, turn, place])
             for right, rows in ((True, RIGHT), (False, WRONG)):
@@ -91,14 +98,14 @@ def pairs(data: Path | None, rounds: int, first: int) -> Iterator[tuple[str, str
                     other = others[rng.integers(len(others))]() if row.startswith("other") else None
                     seed = 1000 * turn + place
                     source, target = changed(row, get(), other, seed)
-                    pair = posed(f"{name} {row}", seed, source, target, np.eye(4))
+                    pair = posed(f"{name} {row}, round {turn}", seed, source, target, np.eye(4))
                     yield str(half), kind, row, right, pair
     if data is not None:
-        yield from expression_pairs(data)
-        yield from range_pairs(data)
+        yield from expression_pairs(data, halves)
+        yield from range_pairs(data, halves)
 
 
-def expression_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
+def expression_pairs(data: Path, halves: Sequence[int]) -> Iterator[tuple[str, str, str, bool, Any]]:
     """Two expressions of one face, and another person's face."""
     import numpy as np
     from registration_pairs import OTHER, posed
@@ -106,7 +113,10 @@ def expression_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
 
     for number, path in enumerate(sorted((data / "faces").glob("ict*.ply"))):
         person, expression = path.stem.split("_")
-        half, face = half_of(path.stem), thinned(path, 5000)
+        half = half_of(path.stem)
+        if half not in halves:
+            continue
+        face = thinned(path, 5000)
         other = thinned(path.with_name(f"{person}_{OTHER[expression]}.ply"), 4000)
         changed_face = posed(f"{path.stem} expression", number, face, other, np.eye(4))
         yield str(half), EXPRESSIONS, "expression", True, changed_face
@@ -117,19 +127,19 @@ def expression_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
             yield str(half), EXPRESSIONS, "other person", False, pair
 
 
-def range_pairs(data: Path) -> Iterator[tuple[str, str, str, bool, Any]]:
+def range_pairs(data: Path, halves: Sequence[int]) -> Iterator[tuple[str, str, str, bool, Any]]:
     """Scans of one object: those of each half with each other."""
     from registration_pairs import range_scans
     from registration_shapes import half_of
 
     for name, overlap, pair in range_scans(data, most=None):
         one, two = (half_of("scan " + part) for part in name.split("|"))
-        if one == two and (overlap >= 0.3 or overlap < 0.05):
+        if one == two and one in halves and (overlap >= 0.3 or overlap < 0.05):
             yield str(one), "range scan", f"overlap {overlap:.2f}", overlap >= 0.3, pair
 
 
-def measured(pair: Any) -> tuple[bool, bool, list[float], float]:
-    """Register a pair; whether it is right and ambiguous, the numbers of the verdict, the probability."""
+def measured(pair: Any) -> dict[str, Any]:
+    """Register a pair; what is right or doubted, the numbers of the verdict, the probability."""
     from evaluate_registration import SUCCESS_DEG, SUCCESS_SHARE, errors
 
     import voxkernel
@@ -143,7 +153,11 @@ def measured(pair: Any) -> tuple[bool, bool, list[float], float]:
     found = solve(both, both, "point_to_plane")
     angle, shift = errors(found.transform if both[0] is one else inverse(found.transform), pair)
     judged = found.judged
-    return angle < SUCCESS_DEG and shift < SUCCESS_SHARE, found.ambiguous, judged.numbers.tolist(), judged.probability
+    return {
+        "right": angle < SUCCESS_DEG and shift < SUCCESS_SHARE, "ambiguous": found.ambiguous,
+        "converged": found.converged, "numbers": judged.numbers.tolist(), "size": judged.size,
+        "probability": judged.probability, "degrees": angle, "shift": shift,
+    }  # fmt: skip
 
 
 def fitted(numbers: Any, right: Any, signs: Any) -> tuple[Any, Any, Any, float]:
@@ -173,17 +187,11 @@ def believed(numbers: Any, model: Any) -> Any:
     return (numbers - center) / spread @ weights + bias
 
 
-def limits(odds: Any, right: Any) -> tuple[float, float]:
-    """Log-odds from which an answer is right and below which it is no match, from the fitted half alone.
-
-    Right is halfway between the most believed wrong answer and the least believed twentieth of the right ones, but not
-    below the wrong one by itself; no match is as far below the least believed right answer as lies below one in 50.
-    """
+def limit(odds: Any, right: Any) -> float:
+    """Log-odds from which an answer is right: above all wrong answers of the fitted half but a few."""
     import numpy as np
 
-    worst = float(odds[~right].max())
-    enough = max(worst + MARGIN, 0.5 * (worst + float(np.quantile(odds[right], 0.05))))
-    return enough, min(float(np.quantile(odds[right], 0.02)), enough) - MARGIN
+    return float(np.quantile(odds[~right], 1.0 - FALSE, method="higher")) + MARGIN
 
 
 def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
@@ -199,13 +207,13 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
     heads = ("", "pairs", "right answers", "called right", "wrong answers", "called right", "called no match")
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * 7]
     reliability: list[str] = []
-    doubted = np.array([o["ambiguous"] for o in outcomes])
+    doubted = np.array([o["ambiguous"] or not o["converged"] for o in outcomes])
     said = np.clip([o["probability"] for o in outcomes], 1e-12, 1.0 - 1e-12)
-    for own, other in (("library", "0"), ("library", "1"), *([("0", "0"), ("0", "1"), ("1", "0")] if fits else [])):
+    for own, other in (("library", "0"), ("library", "1"), *([(own, other) for own in fits for other in ("0", "1")])):
         if own == "library":
             odds, enough, least = np.log(said / (1.0 - said)), np.log(RIGHT_AT / (1 - RIGHT_AT)), np.log(NO / (1 - NO))
         else:
-            model, (enough, least) = fits[own]
+            (model, enough), least = fits[own], np.log(NO / (1 - NO))
             odds = believed(x, model)
         here = half == other
         words = {other: "to which the model was fitted", "library": "as the library says"}
@@ -229,15 +237,14 @@ def report(outcomes: list[dict[str, Any]], fits: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def shown(model: Any, marks: tuple[float, float], names: Sequence[str]) -> str:
+def shown(model: Any, enough: float, names: Sequence[str]) -> str:
     """The lines of `voxkernel/registration/verdict.py` that a model stands for."""
     import numpy as np
 
     text = "\nThe model of half 0:\n\n"
     for name, row in zip(("_CENTERS", "_SPREADS", "_WEIGHTS"), model[:3], strict=True):
         text += f"    {name} = ({', '.join(f'{v:.4f}' for v in row)})\n"
-    right, no_match = (1.0 / (1.0 + np.exp(-m)) for m in marks)
-    text += f"    _BIAS = {model[3]:.4f}\n    RIGHT, NO_MATCH = {right:.3f}, {no_match:.3f}\n"
+    text += f"    _BIAS = {model[3]:.4f}\n    RIGHT = {1.0 / (1.0 + np.exp(-enough)):.3f}\n"
     return text + f"    # {', '.join(f'{n} {w:.2f}' for n, w in zip(names, model[2], strict=True))}\n"
 
 
@@ -247,6 +254,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", metavar="DATA", help="folder with faces/, closed/, open/, asteroids/, range_scans/")
     parser.add_argument("--rounds", type=tool.positive, default=1, metavar="N", help="times through all shapes")
     parser.add_argument("--first-round", type=int, default=0, metavar="R", help="others are other changes and poses")
+    parser.add_argument("--halves", type=int, nargs="+", choices=(0, 1), default=(0, 1), metavar="H", help="0, 1")
     parser.add_argument("--every", type=tool.positive, default=1, metavar="K", help="only every K-th pair")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help="kinds of shapes; all by default")
     parser.add_argument("--fit", action="store_true", help="fit a model to each half; else only judge the library's")
@@ -267,32 +275,31 @@ def _run(args: argparse.Namespace) -> int:
         outcomes = [json.loads(line) for line in place.read_text(encoding="utf-8").splitlines()]
     done = {(o["kind"], o["pair"]) for o in outcomes}
     data = None if args.data is None else Path(args.data)
-    wanted = (p for p in pairs(data, args.rounds, args.first_round) if args.kinds is None or p[1] in args.kinds)
+    made = pairs(data, args.rounds, args.first_round, args.halves)
+    wanted = (p for p in made if args.kinds is None or p[1] in args.kinds)
     for count, (half, kind, row, possible, pair) in enumerate(wanted):
         if count % args.every != args.first or (kind, pair.row) in done:
             continue
         began = time.process_time()
-        right, ambiguous, numbers, probability = measured(pair)
-        entry = {
-            "half": half, "kind": kind, "pair": pair.row, "row": row, "possible": possible, "right": right and possible,
-            "ambiguous": ambiguous, "numbers": numbers, "probability": probability,
-            "cpu": time.process_time() - began,
-        }  # fmt: skip
+        found = measured(pair)
+        entry = {"half": half, "kind": kind, "pair": pair.row, "row": row, "possible": possible, **found}
+        entry |= {"right": found["right"] and possible, "cpu": time.process_time() - began}
         outcomes.append(entry)
         if place is not None:
             with place.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(entry) + "\n")
-        tool.say(f"{kind} {pair.row}: right {entry['right']} of {possible}, {probability:.3f}", quiet=args.quiet)
+        words = f"right {entry['right']} of {possible}, {entry['probability']:.3f}"
+        tool.say(f"{kind} {pair.row}: {words}", quiet=args.quiet)
     used = [o for o in outcomes if o["row"] != "mirrored" or o["kind"] in CHIRAL]
     used = [o for o in used if not (o["ambiguous"] and o["possible"])]
     if args.fit:
         used = [o for o in used if np.isfinite(np.array(o["numbers"], float)).all()]
     fits: dict[str, Any] = {}
-    for half in ("0", "1") if args.fit else ():
+    for half in sorted({o["half"] for o in used}) if args.fit else ():
         own = [o for o in used if o["half"] == half]
         x, right = np.array([o["numbers"] for o in own]), np.array([o["right"] for o in own])
         model = fitted(x, right, np.array(SIGNS))
-        fits[half] = model, limits(believed(x, model), right)
+        fits[half] = model, limit(believed(x, model), right)
     text = report(used, fits)
     text += f"\n{len(outcomes)} pairs, {len(outcomes) - len(used)} left out.\n"
     if fits:

@@ -12,6 +12,7 @@ from zlib import crc32
 SYMMETRIC = (
     "cube", "sphere", "torus", "octagonal", "plus", "cross", "star", "vase", "spiral", "soccer", "two_spheres", "ball",
     "quadknot", "minus_sphere", "cubespikes", "hemisphere", "featuretype", "flex", "muffin", "acorn", "fandisk",
+    "bot_eye",
 )  # fmt: skip
 
 

@@ -114,15 +114,33 @@ GOOD = Evidence(0.9, 0.6, 0.98, 0.001, 0.002, 0.04, 0.05, 0.4, 0.02, 0.001)
 
 
 def test_the_model_keeps_the_sense_of_its_evidence():
-    base = descriptors(GOOD, 0.3, 1.001)
+    base = descriptors(GOOD, 0.3, 1.001, 0.0)
     assert len(base) == len(NAMES) == len(SIGNS)
     for k, sign in enumerate(SIGNS):
         more = base.copy()
         more[k] += sign
         assert believed(more) >= believed(base), NAMES[k]
     assert believed(base) > 0.8
-    bad = descriptors(GOOD._replace(agreement=0.7, systematic=0.018, shortfall=0.45, turned=0.11), 0.9, 1.05)
+    bad = descriptors(GOOD._replace(agreement=0.7, systematic=0.018, shortfall=0.45, turned=0.11), 0.9, 1.05, 0.0)
     assert believed(bad) < 0.1
+
+
+def test_a_size_counts_beyond_its_standard_error():
+    place = NAMES.index("growth")
+    none, known, unknown, large = (
+        descriptors(GOOD, 0.3, *size)[place] for size in ((1.0, 0.0), (1.01, 0.0), (1.01, 0.004), (1.1, 0.004))
+    )
+    assert none == unknown < known < large
+
+
+def test_noise_of_more_than_a_hundredth_is_right():
+    whole = hills()
+    motion, (vertices, faces) = away(whole, 8)
+    noise = np.random.default_rng(8).normal(size=vertices.shape) * 0.012 * np.linalg.norm(np.ptp(whole[0], axis=0))
+    found = register(whole, (vertices + noise, faces))
+    assert found.verdict == "right"
+    assert found.converged
+    assert off(found.T_target_source, motion, whole[0]) < 0.03
 
 
 def test_a_doubted_answer_is_never_right():

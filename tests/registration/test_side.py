@@ -90,6 +90,24 @@ def test_polish_comes_back_from_a_small_motion_and_finds_a_size(surface):
     assert np.abs(end.transform - np.eye(4)).max() < 1e-4
 
 
+def test_standard_errors_follow_the_noise_and_hold_the_truth(surface):
+    side = Side(surface.skin, surface.diagonal, 2000)
+    noise = np.random.default_rng(3).normal(size=(len(side.points), 1)) * side.normals
+    found = []
+    for sigma in (0.002, 0.004):
+        given = (side.points + sigma * noise) * surface.diagonal, side.normals, side.areas
+        other = Side(surface.skin, surface.diagonal, 2000, given)
+        end = polished(side, other, np.eye(4), reach=0.06, least=0.06, steps=40, with_scale=True)
+        size = np.cbrt(np.linalg.det(end.transform[:3, :3]))
+        assert abs(np.log(size)) < 4 * end.errors[6]
+        assert np.abs(end.transform - np.eye(4)).max() < 5 * end.errors.max() < 0.02
+        found.append(end)
+    np.testing.assert_allclose(found[1].errors / found[0].errors, 2.0, rtol=0.3)
+    assert found[0].rests()
+    assert not found[0]._replace(step=0.5 * found[0].errors.max()).rests()
+    assert not found[0]._replace(step=3e-5, errors=np.zeros(7)).rests()
+
+
 def test_features_of_a_copy_lead_to_its_motion():
     vertices, faces = hills()
     motion = pose(7, 1.0)

@@ -14,7 +14,7 @@ from voxkernel.registration.evidence import Evidence, Fit, evidence_of, fit_of, 
 from voxkernel.registration.features import feature_motions, feature_points
 from voxkernel.registration.motions import scaled
 from voxkernel.registration.parts import moments_of_part, smooth_parts
-from voxkernel.registration.polish import LAST_STEP, Polished, polished
+from voxkernel.registration.polish import Polished, polished
 from voxkernel.registration.prepare import PreparedSurface
 from voxkernel.registration.rounding import motion_on_grid, on_grid
 from voxkernel.registration.search import Guess, ScoredCloud, add_guesses, kernel_guesses, net_guesses, tried
@@ -33,6 +33,8 @@ _WHOLE_STEPS = 6  # on all samples, before it is known which end is the best
 _LAST_STEPS = 30
 _ROUGHLY = 1e-4  # a step on few samples that is not worth another one
 _SIZE_STEPS = 6
+_WHOLE_SIZE_STEPS = 3
+_SAME_SIZE = 2e-3  # logarithm of a scale that is not measured on all samples
 # Spacing of points with features, a share of the larger diagonal, and how many spacings around it a feature describes.
 _FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0), (1 / 50, 3.0))
 _MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
@@ -227,7 +229,7 @@ class Contest:
 
     def rested(self, end: End) -> End:
         """Refine an end on all samples until it rests, unless it does already."""
-        return end if end.polished.step < LAST_STEP else self._settled(end, _LAST_STEPS)
+        return end if end.polished.rests() else self._settled(end, _LAST_STEPS)
 
     def _settled(self, end: End, steps: int = _WHOLE_STEPS) -> End:
         """Refine an end on all samples."""
@@ -245,13 +247,19 @@ class Contest:
         """How firmly the surfaces hold each other: six eigenvalues, ascending, 0 for a motion that slides freely."""
         return slack_of(*self.sides, end.fit) if end.whole else np.zeros(6)
 
-    def better_size(self, end: End) -> tuple[float, NDArray[np.float64]]:
-        """The scale at which the surfaces would fit better, and the similarity."""
+    def better_size(self, end: End) -> tuple[float, float, NDArray[np.float64]]:
+        """The scale at which the surfaces would fit better, the standard error of its logarithm, the similarity."""
         wide = max(4.0 * end.polished.reach, 0.5 * _WIDE)
         more = polished(
             *self.few, end.polished.transform, reach=wide, least=_LEAST, steps=_SIZE_STEPS, with_scale=True
         )
-        return float(np.cbrt(np.linalg.det(more.transform[:3, :3]))), more.transform
+        if np.isfinite(more.step) and abs(np.log(_size_of(more))) > _SAME_SIZE:
+            again = polished(
+                *self.sides, more.transform, reach=max(1.5 * more.reach, _LEAST), least=_LEAST,
+                steps=_WHOLE_SIZE_STEPS, with_scale=True,
+            )  # fmt: skip
+            more = again if np.isfinite(again.step) else more
+        return _size_of(more), float(more.errors[-1]), more.transform
 
     def fit(self, motion: NDArray[np.float64]) -> Fit:
         """Look from all samples of each surface at the other one."""
@@ -260,6 +268,10 @@ class Contest:
     def evidence(self, motion: NDArray[np.float64], fit: Fit | None = None) -> Evidence:
         """What is measured of a motion, on all samples."""
         return evidence_of(*self.sides, motion, self.fit(motion) if fit is None else fit)
+
+
+def _size_of(found: Polished) -> float:
+    return float(np.cbrt(np.linalg.det(found.transform[:3, :3])))
 
 
 def _apart(one: NDArray[np.float64], two: NDArray[np.float64]) -> bool:

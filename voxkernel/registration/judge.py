@@ -14,7 +14,7 @@ from voxkernel.registration.verdict import NO_MATCH, believed, descriptors
 
 __all__ = ["Judge", "Judged"]
 
-_CLEAR = 0.85  # a probability at which no further source of candidates is asked
+_CLEAR = 0.75  # a probability at which no further source of candidates is asked
 _BELIEVED = 0.5  # a probability from which an end is preferred to one that explains more and is believed less
 _OTHER_SIZE = 0.02
 _OTHERWISE = 0.02  # the most that is believed where another size fits better
@@ -34,6 +34,7 @@ class Judged(NamedTuple):
 class _Measured(NamedTuple):
     evidence: Evidence
     size: float
+    error: float  # standard, of the logarithm of the size
     other_size: float
 
 
@@ -71,7 +72,7 @@ class Judge:
         if known is None:
             known = self._measured(end)
             self._known.append((end, known))
-        numbers = descriptors(known.evidence, self._rival(end), known.size)
+        numbers = descriptors(known.evidence, self._rival(end), known.size, known.error)
         probability = believed(numbers)
         return Judged(
             numbers, probability if known.other_size == 1.0 else min(probability, _OTHERWISE), known.other_size,
@@ -81,9 +82,9 @@ class Judge:
     def _measured(self, end: End) -> _Measured:
         contest = self.contest
         evidence = contest.evidence(end.polished.transform, end.fit)
-        size, similarity = contest.better_size(end)
+        size, error, similarity = contest.better_size(end)
         other = abs(np.log(size)) > _OTHER_SIZE and _fits_better(contest.evidence(similarity), evidence)
-        return _Measured(evidence, size, size if other else 1.0)
+        return _Measured(evidence, size, error, size if other else 1.0)
 
     def doubt(self, best: End) -> str:
         """Say why the answer is one of several, or nothing; what is no match by itself is no other answer."""
@@ -110,7 +111,7 @@ class Judge:
     def _could_be(self, end: End, least: float = _BELIEVED) -> bool:
         """Whether an end would be believed so much if no other size fitted better: it is believed less."""
         evidence = self.contest.evidence(end.polished.transform, end.fit)
-        return believed(descriptors(evidence, self._rival(end), 1.0)) >= least
+        return believed(descriptors(evidence, self._rival(end), 1.0, 0.0)) >= least
 
     def _rival(self, end: End) -> float:
         rivals = self.contest.rivals(end)

@@ -39,7 +39,7 @@ def last_refined(
             wide = max(2.0 * found.reach, _LEAST)
             more = polished(*whole, found.transform, reach=wide, least=0.5 * _LEAST, steps=_STEPS)
             found = more if np.isfinite(more.step) else found
-    motion, rests = found.transform, found.step < _RESTS
+    motion, rests = found.transform, found.rests(_RESTS)
     if method == "point_to_point":
         one, two = (p.fine.points / scale for p in pair)
         end = icp(one, two, motion, max(found.reach, _POINTS_REACH), steps=100, change=1e-9)

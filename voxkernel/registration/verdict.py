@@ -17,21 +17,26 @@ NAMES = (
 )  # fmt: skip
 SIGNS = (1, -1, -1, -1, 1, 1, 1, 1, -1, -1, -1, -1)
 _CENTERS = (
-    2.9967, -5.9979, -6.0087, -3.4918, -3.0304, -0.1814, -0.3161, -0.3157, -3.1084, 0.6054, -4.7918, -6.5449,
+    2.8756, -5.9521, -5.7653, -3.4288, -3.1864, -0.2563, -0.5154, -0.3454, -3.0183, 0.5073, -4.4664, -6.3261,
 )  # fmt: skip
 _SPREADS = (
-    1.2576, 1.0904, 0.6480, 0.6672, 0.6822, 0.3031, 0.4650, 0.3137, 1.5492, 0.2684, 1.0785, 0.9489,
+    1.5444, 1.1724, 0.7993, 0.7012, 0.6982, 0.3357, 0.5180, 0.3405, 1.8141, 0.3608, 1.5640, 1.1013,
 )  # fmt: skip
 _WEIGHTS = (
-    0.0000, -0.2045, -0.3788, 0.0000, 0.8167, 0.2404, 0.2076, 0.2195, 0.0000, -0.3263, -2.0225, -1.9697,
+    0.2026, -1.0134, -0.1056, -0.1306, 0.1864, 0.7381, 0.0862, 0.0000, -0.1353, -0.6399, -2.4674, -2.1919,
 )  # fmt: skip
-_BIAS = 0.8155
-RIGHT, NO_MATCH = 0.65, 0.2  # probabilities
+_BIAS = -0.8959
+_SIGMAS = 3.0  # standard errors of a scale that count as none
+RIGHT, NO_MATCH = 0.68, 0.2  # probabilities
 
 
-def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.float64]:
-    """Turn evidence, the rank of the runner-up over that of the best, and the scale that fits best into numbers."""
+def descriptors(evidence: Evidence, rival: float, size: float, error: float) -> NDArray[np.float64]:
+    """Turn evidence, the rank of the runner-up over that of the best, and the scale that fits best into numbers.
+
+    Of the logarithm of the scale only what its standard error does not explain counts.
+    """
     e = evidence
+    growth = max(abs(np.log(max(size, 1e-9))) - _SIGMAS * error, 0.0)
     return np.array([
         np.log((e.agreement + 0.01) / (1.01 - e.agreement)),
         np.log(e.systematic + 2e-4),
@@ -43,7 +48,7 @@ def descriptors(evidence: Evidence, rival: float, size: float) -> NDArray[np.flo
         np.log(e.overlap + 0.05),
         np.log(min(e.shortfall, 10.0) + 5e-3),
         min(max(rival, 0.0), 1.0),
-        np.log(min(abs(np.log(max(size, 1e-9))), 0.3) + 3e-3),
+        np.log(min(growth, 0.3) + 3e-3),
         np.log(e.core + 2e-4),
     ])
 
