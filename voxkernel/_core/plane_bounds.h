@@ -17,10 +17,10 @@
 //        s > h reach + pad        all of the cell violates the plane,
 //        s < -(h reach + pad)     none of it does.
 //    The callers' pads are 64 u and more (`cube_planes` in Python), so that sums of pads and s, off by u pad, are
-//    covered too. Where a list is made afresh for a cell (facet_lists.cpp), s = a . c - b with 0 <= c <= 1 costs 3 u |a|_1
-//    and u |s|, no more than at the cube and its levels above. Where the smallest cells are known to have half edge v, a pad may be a part of the reach, |a|_1 + pad
-//    / v: h times that is at least h |a|_1 + pad for h >= v; its sum is off by u r like the one above. At the centre of
-//    a cell h = 0: |s| > pad is certain.
+//    covered too. Where a list is made afresh for a cell (facet_lists.cpp), s = a . c - b with 0 <= c <= 1 costs 3 u
+//    |a|_1 and u |s|, no more than at the cube and its levels above. Where the smallest cells are known to have half
+//    edge v, a pad may be a part of the reach, |a|_1 + pad / v: h times that is at least h |a|_1 + pad for h >= v; its
+//    sum is off by u r like the one above. At the centre of a cell h = 0: |s| > pad is certain.
 //
 // 2. Voxels of a brick of 8^3, half edge h (brick_columns.h). The column (x, y) crosses s = -r and s = r at
 //        z = (-+r - s_000) / a'_z - (a'_x x + a'_y y) / a'_z,   a' = 2 h a, s_000 = s - 3.5 (a'_x + a'_y + a'_z).
