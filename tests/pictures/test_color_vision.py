@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from voxkernel._palette import APART as PARTS
-from voxkernel._palette import UNSEEN, distinct_color, hex_of
+from voxkernel._palette import INK, UNSEEN, distinct_color, hex_of
 from voxkernel.pictures.fit_scene import UNEXPLAINED
 from voxkernel.pictures.registration_picture import _SOURCE, _TARGET
 from voxkernel.pictures.scene import CENTER, DOMAIN, KERNEL, RELAXED, SURFACE, WITNESS
@@ -40,7 +40,7 @@ def of_the_report(name):
 @pytest.mark.parametrize("vision", SEEN)
 def test_colors_stay_apart(vision):
     light, dark = zip(*(of_the_report(name) for name in ("star", "flat", "not", "failed")), strict=True)
-    parts = (*PARTS, hex_of(UNSEEN), UNEXPLAINED, "#ffffff")
+    parts = (*PARTS, hex_of(UNSEEN), UNEXPLAINED, INK, "#ffffff")
     fit = _SOURCE, _TARGET, UNEXPLAINED, "#ffffff"
     for colors in ((SURFACE, KERNEL, RELAXED, WITNESS, CENTER, DOMAIN, "#ffffff"), light, dark, parts, fit):
         for a, b in combinations(colors, 2):

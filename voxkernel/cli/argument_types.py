@@ -1,11 +1,11 @@
-"""Types of options that several commands have: text -> a value, or one line that names what was expected."""
+"""Options that several commands have, and their types: text -> a value, or one line that names what was expected."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
 
-__all__ = ["direction", "whole"]
+__all__ = ["add_up", "three_numbers", "whole"]
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -25,16 +25,27 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     return read
 
 
-def direction(text: str) -> tuple[float, float, float]:
-    """The type of directions: an axis, x, y or z, also with a minus sign, or three numbers."""
-    axis = text.strip().lower()
-    if axis.lstrip("+-") in _AXES and len(axis) <= 2:
-        x, y, z = _AXES[axis[-1]]
-        return (-x, -y, -z) if axis[0] == "-" else (x, y, z)
+def three_numbers(text: str) -> list[float] | None:
+    """Three finite numbers between commas; None where it is anything else."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
-        values = []
-    if len(values) != 3 or not any(values) or not all(abs(v) < float("inf") for v in values):
+        return None
+    return values if len(values) == 3 and all(abs(v) < float("inf") for v in values) else None
+
+
+def add_up(parser: argparse.ArgumentParser) -> None:
+    """Declare --up of what draws: an axis, x, y or z, also with a minus sign, or three numbers."""
+    parser.add_argument(
+        "--up", type=_direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z; --up=-z"
+    )
+
+
+def _direction(text: str) -> list[float]:
+    axis = text.strip().lower()
+    if axis.lstrip("+-") in _AXES and len(axis) <= 2:
+        return [-v for v in _AXES[axis[-1]]] if axis[0] == "-" else list(_AXES[axis[-1]])
+    values = three_numbers(text)
+    if values is None or not any(values):
         raise argparse.ArgumentTypeError(f"must be x, y, z, or three numbers X,Y,Z, not all 0; got {text}")
-    return values[0], values[1], values[2]
+    return values

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.argument_types import direction
+from voxkernel.cli.argument_types import add_up
 from voxkernel.cli.output import (
     UsageError,
     check_folder,
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
     parser.add_argument("-o", "--output", metavar="OUT", help="folder of pieces, pieces.ply in colours, or .json")
     parser.add_argument("--picture", metavar="FILE", help="the surface by guards, the unseen in red: .png or .html")
-    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
+    add_up(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument("--coverage", type=float, default=0.99, metavar="C", help="share of the area; 0.99 by default")
     parser.add_argument("--max-guards", type=int, metavar="N", help="stop at so many")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxkernel.cli.argument_types import direction, whole
+from voxkernel.cli.argument_types import add_up, whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stream(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="kernel.ply, .json, .npz, .vdb, .vtu, .vtp or .glb")
     parser.add_argument("--picture", metavar="FILE", help="draw surface and kernel: .png, or .html to turn by hand")
-    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
+    add_up(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--domain", choices=("ball", "hull", "box"), help="where to look for the kernel (open surfaces: ball)"

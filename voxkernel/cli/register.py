@@ -8,7 +8,7 @@ from typing import Any
 
 from voxkernel._extras import check_installed
 from voxkernel.cli import register_together
-from voxkernel.cli.argument_types import direction
+from voxkernel.cli.argument_types import add_up
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--picture", metavar="FILE", nargs="?", const="registration.png",
         help="before, after and how far the surfaces are off: .html or .png; registration.png where no name is given",
     )  # fmt: skip
-    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
+    add_up(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     register_together.add_arguments(parser)
     parser.add_argument(

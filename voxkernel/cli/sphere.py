@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.argument_types import direction, whole
+from voxkernel.cli.argument_types import add_up, three_numbers, whole
 from voxkernel.cli.output import (
     UsageError,
     check_output,
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mesh", metavar="MESH", help=".ply .obj .off .stl .gltf .glb .wrl ...")
     parser.add_argument("-o", "--output", metavar="FILE", help="map.npz, .json or .ply (the reconstruction)")
     parser.add_argument("--picture", metavar="FILE", help="surface, radius and reconstruction: .png or .html")
-    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z")
+    add_up(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     parser.add_argument(
         "--center", type=_center, default="coverage", metavar="C", help=f"{', '.join(_CENTERS)}, or X,Y,Z"
@@ -162,11 +162,8 @@ def _write(sphere: Any, samples: Any, document: dict[str, Any], path: Path, degr
 def _center(text: str) -> Any:
     if text in _CENTERS:
         return text
-    try:
-        point = [float(part) for part in text.split(",")]
-    except ValueError:
-        point = []
-    if len(point) != 3 or not all(abs(v) < float("inf") for v in point):
+    point = three_numbers(text)
+    if point is None:
         raise argparse.ArgumentTypeError(f"must be {', '.join(_CENTERS)} or three numbers X,Y,Z; got {text}")
     return point
 

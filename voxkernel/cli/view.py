@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from voxkernel.cli.argument_types import direction, whole
+from voxkernel.cli.argument_types import add_up, whole
 from voxkernel.cli.output import UsageError, check_output, display, say
 
 HELP = "a mesh and its kernels in the browser, to turn, cut and probe"
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--depth", type=whole(3, 10), default=6, metavar="N", help="2**N voxels along the domain, 3 to 10"
     )
-    parser.add_argument("--up", type=direction, metavar="AXIS", help="what points up at first: x, y, z or X,Y,Z")
+    add_up(parser)
     parser.add_argument("--guards", type=_share, metavar="S", help="show guards that together see this share")
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
+from voxkernel._palette import INK
 from voxkernel.pictures.silent_vtk import silent_vtk
 
 if TYPE_CHECKING:
@@ -53,14 +54,14 @@ def cells_picture(
             plotter.set_background("white")
             plotter.add_mesh(
                 data, scalars="value", clim=(low, high), cmap="viridis", nan_color="#b0b0b0", show_edges=True,
-                edge_color="#1d2733", line_width=0.6, ambient=0.35, diffuse=0.75, interpolate_before_map=False,
+                edge_color=INK, line_width=0.6, ambient=0.35, diffuse=0.75, interpolate_before_map=False,
                 scalar_bar_args={
-                    "title": " ", "color": "#1d2733", "n_labels": 5, "fmt": "%.2g", "width": 0.5,
+                    "title": " ", "color": INK, "n_labels": 5, "fmt": "%.2g", "width": 0.5,
                     "height": 0.08, "position_x": 0.45, "position_y": 0.03,
                 },
             )  # fmt: skip
             plotter.view_vector((1.0, -0.55, 0.35), viewup=(0.0, 0.0, 1.0))
-            plotter.add_text(label, position=(0.05, 0.04), viewport=True, font_size=size[1] // 65, color="#1d2733")
+            plotter.add_text(label, position=(0.05, 0.04), viewport=True, font_size=size[1] // 65, color=INK)
             plotter.camera.zoom(1.25)
             plotter.camera.SetWindowCenter(0.0, -0.1)
             plotter.enable_anti_aliasing("ssaa")

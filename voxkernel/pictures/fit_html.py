@@ -37,8 +37,7 @@ def write_fit_html(
             figure.add_trace(
                 go.Mesh3d(
                     x=x, y=y, z=z, i=i, j=j, k=m, vertexcolor=_names(layer.colors), name=layer.name, hoverinfo="name",
-                    lighting={"ambient": 0.55, "diffuse": 0.7, "specular": 0.08},
-                    lightposition=lit(panel.view, panel.up),
+                    **lit(panel.view, panel.up),
                 ), row=1 + k // 2, col=1 + k % 2,
             )  # fmt: skip
         points = np.concatenate([layer.vertices for layer in panel.layers])

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from voxkernel._extras import optional
+from voxkernel._palette import INK, PALE
 from voxkernel.pictures.camera import camera_frame
 from voxkernel.pictures.fit_scene import UNEXPLAINED, Fit, Panel, bar_colors
 from voxkernel.pictures.furniture import add_furniture
-from voxkernel.pictures.parts import INK, PALE, drawn
+from voxkernel.pictures.parts import drawn
 from voxkernel.pictures.png import _write as write_line
 from voxkernel.pictures.png import broken
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
 from voxkernel._open3d import open3d, open3d_mesh, ray_scene
+from voxkernel._palette import rgb_of
 from voxkernel.mesh.triangles import doubled_normals
 from voxkernel.pictures.camera import camera_frame, seen_upright
 
@@ -154,11 +155,11 @@ def _bar_end(distances: NDArray[np.float64], weights: NDArray[np.float64], reach
 
 def bar_colors(shares: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Colours of the bar at shares of its length, (n, 3); grey for NaN."""
-    stops = np.array([_rgb(c) for c in _BAR], float)
+    stops = np.array([rgb_of(c) for c in _BAR], float)
     at = np.linspace(0.0, 1.0, len(stops))
     clipped = np.clip(np.nan_to_num(shares), 0.0, 1.0)
     colors = np.stack([np.interp(clipped, at, stops[:, k]) for k in range(3)], axis=1)
-    colors[np.isnan(shares)] = _rgb(UNEXPLAINED)
+    colors[np.isnan(shares)] = rgb_of(UNEXPLAINED)
     return colors.round().astype(np.uint8)
 
 
@@ -171,11 +172,7 @@ def colored(
 
 def plain_layer(vertices: NDArray[np.float64], faces: NDArray[np.int64], color: str, name: str) -> Layer:
     """A surface in one colour."""
-    return Layer(vertices, faces, np.tile(np.array(_rgb(color), np.uint8), (len(vertices), 1)), name)
-
-
-def _rgb(color: str) -> tuple[int, int, int]:
-    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
+    return Layer(vertices, faces, np.tile(np.array(rgb_of(color), np.uint8), (len(vertices), 1)), name)
 
 
 def view_of(

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._palette import INK, PALE
 from voxkernel.pictures.scene import CENTER, DOMAIN, SURFACE, WITNESS, Scene
 
 __all__ = ["add_furniture", "bar_length", "legend_of"]
 
-_INK, _PALE = "#1d2733", "#5d6b7a"
 # By letter and shade, not by colours: those have their meanings in the legend.
 _AXES = (("x", "#18222d"), ("y", "#4a5866"), ("z", "#8a97a4"))
 
@@ -69,11 +69,11 @@ def add_furniture(
     length = bar_length(0.16 * (right - left) * units_per_pixel)
     end = start + length / units_per_pixel
     y, tick = middle + 12 * unit, 7 * unit
-    pen.line([(start, y), (end, y)], fill=_INK, width=line)
+    pen.line([(start, y), (end, y)], fill=INK, width=line)
     for x in (start, end):
-        pen.line([(x, y - tick), (x, y + tick)], fill=_INK, width=line)
+        pen.line([(x, y - tick), (x, y + tick)], fill=INK, width=line)
     words = f"{length:g} mesh units"
-    write(pen, (round(start), round(middle - 24 * unit)), words, 20 * unit, _INK, right - round(start))
+    write(pen, (round(start), round(middle - 24 * unit)), words, 20 * unit, INK, right - round(start))
     _draw_legend(pen, write, legend, (max(end, start + 170 * unit) + 50 * unit, middle, right), unit)
 
 
@@ -92,10 +92,10 @@ def _draw_legend(
         for color, words, width in row:
             if color == CENTER:
                 dot = [x + 2, y - side / 2 + 2, x + side - 2, y + side / 2 - 2]
-                pen.ellipse(dot, fill=color, outline=_INK, width=2)
+                pen.ellipse(dot, fill=color, outline=INK, width=2)
             elif color == DOMAIN:
                 pen.line([(x, y), (x + side, y)], fill=color, width=max(2, round(2 * unit)))
             else:
                 pen.rectangle([x, y - side / 2, x + side, y + side / 2], fill=color)
-            write(pen, (round(x + 1.5 * side), round(y - 13 * unit)), words, 20 * unit, _PALE, right - round(x))
+            write(pen, (round(x + 1.5 * side), round(y - 13 * unit)), words, 20 * unit, PALE, right - round(x))
             x += width

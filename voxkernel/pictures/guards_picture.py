@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._extras import optional
-from voxkernel._palette import UNSEEN, distinct_color, hex_of
+from voxkernel._palette import INK, UNSEEN, distinct_color, hex_of
 from voxkernel.guarding import Guards
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.camera import as_up, camera_frame
-from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
+from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
 from voxkernel.pictures.scene import Scene, make_scene
 from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
 
@@ -120,8 +120,7 @@ def _write_html(path: Path, found: Guards, scene: Scene, title: str, words: str)
     traces = [
         go.Mesh3d(
             x=x, y=y, z=z, i=i, j=j, k=k, facecolor=shades, opacity=1.0, name="surface", hoverinfo="skip",
-            flatshading=True, showlegend=False, lighting={"ambient": 0.55, "diffuse": 0.7, "specular": 0.05},
-            lightposition=lit(scene.view, scene.up),
+            flatshading=True, showlegend=False, **lit(scene.view, scene.up),
         )
     ]  # fmt: skip
     for n, point in enumerate(found.points):

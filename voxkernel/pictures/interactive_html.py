@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel._palette import INK, PALE
 from voxkernel.pictures.parts import save_page
 from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
-from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
+from voxkernel.pictures.space_furniture import broken_lines, dots, furniture_traces, lit, space
 
 __all__ = ["Plate", "write_html"]
 
-_INK, _PALE = "#1d2733", "#5d6b7a"
 
 
 class Plate(NamedTuple):
@@ -45,7 +45,7 @@ def write_html(path: Path, plates: Sequence[Plate]) -> None:
         for i, plate in enumerate(plates)
     ]
     menu = {"buttons": buttons, "x": 0.985, "xanchor": "right", "y": 1.1, "yanchor": "top"}
-    font = {"color": _INK, "size": 24}
+    font = {"color": INK, "size": 24}
     figure.update_layout(
         title={"text": _heading(plates[0]), "x": 0.03, "xanchor": "left", "y": 0.95, "font": font},
         scene=_space(plates[0].scene), margin={"l": 0, "r": 0, "t": 90, "b": 0}, paper_bgcolor="white",
@@ -62,7 +62,7 @@ def write_html(path: Path, plates: Sequence[Plate]) -> None:
 
 def _heading(plate: Plate) -> str:
     title, caption = (html.escape(_clean(text)) for text in (plate.title, plate.caption))
-    return f"{title}<br><span style='font-size:15px;color:{_PALE}'>{caption}</span>"
+    return f"{title}<br><span style='font-size:15px;color:{PALE}'>{caption}</span>"
 
 
 def _clean(text: str) -> str:
@@ -74,11 +74,7 @@ def _space(scene: Scene) -> dict[str, Any]:
 
 
 def _traces(go: Any, scene: Scene) -> list[Any]:
-    light = {
-        "ambient": 0.48, "diffuse": 0.8, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
-        "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
-    }  # fmt: skip
-    solid: dict[str, Any] = {"lighting": light, "lightposition": lit(scene.view, scene.up)}
+    solid = lit(scene.view, scene.up)
     has_kernel = len(scene.kernel_vertices) > 0
     opacity = 0.3 if has_kernel else 0.5
     traces = [_mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=opacity, **solid)]
@@ -102,7 +98,7 @@ def _traces(go: Any, scene: Scene) -> list[Any]:
         traces += _witness(go, scene)
     if len(scene.center):
         x, y, z = scene.center.T.tolist()
-        marker = {"size": 6, "color": CENTER, "line": {"color": _INK, "width": 1.5}}
+        marker = {"size": 6, "color": CENTER, "line": {"color": INK, "width": 1.5}}
         name = scene.center_name
         traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
     if len(scene.domain_lines):
@@ -145,8 +141,7 @@ def _mesh(go: Any, vertices: NDArray[np.float64], faces: NDArray[np.int64], name
 
 
 def _lines(go: Any, segments: NDArray[np.float64], color: str, width: int, *, name: str = "") -> Any:
-    broken = np.concatenate([segments, np.full((len(segments), 1, 3), np.nan)], axis=1).reshape(-1, 3)
-    x, y, z = broken.T
+    x, y, z = broken_lines(segments).T
     return go.Scatter3d(
         x=x, y=y, z=z, mode="lines", line={"color": color, "width": width}, name=name, showlegend=bool(name),
         hoverinfo="skip",

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
+from voxkernel._palette import INK, PALE
 from voxkernel.pictures.furniture import add_furniture
 
-__all__ = ["INK", "PALE", "Draw", "check_picture", "drawn", "heading", "save_page", "write_parts"]
+__all__ = ["Draw", "check_picture", "drawn", "heading", "save_page", "write_parts"]
 
-INK, PALE = "#1d2733", "#5d6b7a"
 _HEAD, _TOP, _FOOT = 120, 40, 90
 _LINE = 150  # letters in a line of a caption
 

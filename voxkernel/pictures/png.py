@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel._palette import INK, PALE
 from voxkernel.pictures.camera import camera_frame
 from voxkernel.pictures.furniture import add_furniture, legend_of
 from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
@@ -19,7 +20,6 @@ __all__ = ["broken", "segments", "write_png"]
 
 # Drawn larger and scaled down: smooth edges also where depth peeling forbids multi-sampling.
 _SUPERSAMPLE = 1.5
-_INK, _PALE = "#1d2733", "#5d6b7a"
 # Place in the camera's frame (right, up, towards it) and strength.
 _LIGHTS = (
     ((-0.6, 0.9, 1.2), 0.62), ((1.2, -0.1, 0.9), 0.4), ((-0.2, -1.0, 0.7), 0.25), ((0.2, 0.6, -1.0), 0.25),
@@ -50,10 +50,10 @@ def write_png(path: Path, scene: Scene, *, title: str, caption: str, size: tuple
             _add_close_up(page, pen, scene, (low, high), unit, height - foot)
     for x, y in view.marked / _SUPERSAMPLE + np.array([0, head]):
         radius, line = 8 * unit, max(2, round(2.5 * unit))
-        pen.ellipse([x - radius, y - radius, x + radius, y + radius], fill=CENTER, outline=_INK, width=line)
+        pen.ellipse([x - radius, y - radius, x + radius, y + radius], fill=CENTER, outline=INK, width=line)
     left, across = round(36 * unit), width - round(72 * unit)
-    _write(pen, (left, round(24 * unit)), title, 40 * unit, _INK, across)
-    _write(pen, (left, round(76 * unit)), caption, 25 * unit, _PALE, across)
+    _write(pen, (left, round(24 * unit)), title, 40 * unit, INK, across)
+    _write(pen, (left, round(76 * unit)), caption, 25 * unit, PALE, across)
     box = left, height - foot, left + across, height
     frame, scale = camera_frame(scene.view, scene.up), view.units_per_pixel * _SUPERSAMPLE
     add_furniture(pen, _write, legend_of(scene), frame, scale, box, unit)
@@ -197,11 +197,11 @@ def _add_close_up(page: Any, pen: Any, scene: Scene, box: tuple[Any, Any], unit:
     line = max(2, round(2.5 * unit))
     target = np.array([left + side / 2.0, top + side / 2.0])
     towards = (target - middle) / np.linalg.norm(target - middle)
-    pen.line([tuple(middle + radius * towards), tuple(target)], fill=_PALE, width=line)
-    pen.ellipse([*(middle - radius), *(middle + radius)], outline=_PALE, width=line)
+    pen.line([tuple(middle + radius * towards), tuple(target)], fill=PALE, width=line)
+    pen.ellipse([*(middle - radius), *(middle + radius)], outline=PALE, width=line)
     page.paste(inset, (left, top))
-    pen.rectangle([left, top, left + side, top + side], outline=_PALE, width=line)
-    _write(pen, (left + gap // 2, top + gap // 3), "the kernel, enlarged", 21 * unit, _PALE, side)
+    pen.rectangle([left, top, left + side, top + side], outline=PALE, width=line)
+    _write(pen, (left + gap // 2, top + gap // 3), "the kernel, enlarged", 21 * unit, PALE, side)
 
 
 def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> Any:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._palette import INK
 from voxkernel.pictures.camera import camera_frame
 from voxkernel.pictures.furniture import bar_length
-from voxkernel.pictures.parts import INK
 
-__all__ = ["axes_and_bar", "dots", "furniture_traces", "lit", "space"]
+__all__ = ["axes_and_bar", "broken_lines", "dots", "furniture_traces", "lit", "space"]
 
 
 def axes_and_bar(
@@ -35,13 +35,17 @@ def axes_and_bar(
     return np.concatenate([axes, bar]), places, ["x", "y", "z", f"{length:g} mesh units"]
 
 
+def broken_lines(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ends of segments (k, 2, 3) one after the other, with a gap behind each, as plotly takes lines."""
+    return np.concatenate([segments, np.full((len(segments), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+
+
 def furniture_traces(
     go: Any, points: NDArray[np.float64], view: NDArray[np.float64], up: NDArray[np.float64]
 ) -> list[Any]:
     """The same for plotly: lines, and words."""
     lines, places, words = axes_and_bar(points, view, up)
-    gaps = np.full((len(lines), 1, 3), np.nan)
-    x, y, z = np.concatenate([lines, gaps], axis=1).reshape(-1, 3).T
+    x, y, z = broken_lines(lines).T
     common: dict[str, Any] = {"hoverinfo": "skip", "showlegend": False}
     bars = go.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": INK, "width": 4}, **common)
     x, y, z = places.T.tolist()
@@ -49,10 +53,14 @@ def furniture_traces(
     return [bars, go.Scatter3d(x=x, y=y, z=z, mode="text", text=words, textfont=font, **common)]
 
 
-def lit(view: NDArray[np.float64], up: NDArray[np.float64]) -> dict[str, float]:
-    """Where the light of a plotly mesh stands: far away, above the left shoulder of who looks."""
+def lit(view: NDArray[np.float64], up: NDArray[np.float64]) -> dict[str, Any]:
+    """Light of a plotly mesh: from far away, above the left shoulder of who looks; for triangles of any size."""
     over_shoulder = view + 1.1 * up - 0.6 * np.cross(up, view)
-    return dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))
+    lighting = {
+        "ambient": 0.48, "diffuse": 0.8, "specular": 0.2, "roughness": 0.6, "fresnel": 0.1,
+        "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
+    }  # fmt: skip
+    return {"lighting": lighting, "lightposition": dict(zip("xyz", (3e4 * over_shoulder).tolist(), strict=True))}
 
 
 def space(

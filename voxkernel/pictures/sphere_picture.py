@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
+from voxkernel._palette import INK
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.camera import as_up, camera_frame
-from voxkernel.pictures.parts import INK, check_picture, heading, save_page, write_parts
+from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
 from voxkernel.pictures.png import segments
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
-from voxkernel.pictures.space_furniture import furniture_traces, lit, space
+from voxkernel.pictures.space_furniture import broken_lines, furniture_traces, lit, space
 from voxkernel.spherical import RadialGrid
 from voxkernel.spherical.radial_grid import grid_triangles
 
@@ -121,19 +122,15 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
         rows=2, cols=2, subplot_titles=_titles(), horizontal_spacing=0.05, vertical_spacing=0.07,
         specs=[[{"type": "scene"}, {"type": "scene"}], [{"type": "heatmap"}, {"type": "scene"}]],
     )  # fmt: skip
-    light = {
-        "ambient": 0.42, "diffuse": 0.8, "specular": 0.1, "roughness": 0.7, "fresnel": 0.05,
-        "facenormalsepsilon": 0, "vertexnormalsepsilon": 0,
-    }  # fmt: skip
-    shine = lit(panels.view, panels.up)
+    light = lit(panels.view, panels.up)
 
     def solid(vertices: NDArray[np.float64], faces: NDArray[np.int64], **style: Any) -> Any:
         x, y, z = vertices.T.astype(np.float32)
         i, j, k = faces.T.astype(np.int32)
-        return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, lightposition=shine, hoverinfo="skip", **style)
+        return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, hoverinfo="skip", **light, **style)
 
     figure.add_trace(solid(*panels.surface, color=SURFACE, opacity=0.55), row=1, col=1)
-    x, y, z = _broken(panels.rays).T
+    x, y, z = broken_lines(panels.rays).T
     thin = {"color": KERNEL, "width": 1.5}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=1)
     x, y, z = panels.center[:, None].tolist()
@@ -163,7 +160,7 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
     shown = np.concatenate([panels.surface[0], panels.center[None]])
     for trace in furniture_traces(go, shown, panels.view, panels.up):
         figure.add_trace(trace, row=1, col=1)
-    x, y, z = _broken(_lines_of_ball()).T
+    x, y, z = broken_lines(_lines_of_ball()).T
     thin = {"color": _LINE, "width": 1.5}
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=thin, hoverinfo="skip"), row=1, col=2)
     axis = {"constrain": "domain", "showgrid": False, "zeroline": False, "ticksuffix": "°"}
@@ -183,11 +180,6 @@ def _write_html(path: Path, panels: _Panels, title: str, words: str) -> None:
 def _titles() -> tuple[str, ...]:
     """Names of the parts; that of the map says what its axes are."""
     return tuple(f"{name}: {_CONVENTION}" if name == _NAMES[2] else name for name in _NAMES)
-
-
-def _broken(segments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ends of segments one after the other, with a gap behind each."""
-    return np.concatenate([segments, np.full((len(segments), 1, 3), np.nan)], axis=1).reshape(-1, 3)
 
 
 def _lines_of_map() -> dict[str, NDArray[np.float64]]:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel._palette import distinct_color, hex_of
+from voxkernel._palette import INK, distinct_color, hex_of, rgb_of
+from voxkernel.pictures.camera import camera_frame
 from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene, make_scene
 from voxkernel.pictures.silent_vtk import silent_vtk
 from voxkernel.view.shown import Shown
@@ -16,7 +17,7 @@ from voxkernel.view.shown import Shown
 __all__ = ["HIDDEN", "PROOF", "Stage"]
 
 # Red is what the probe does not face, so that the facets of the proof have a colour of their own.
-HIDDEN, PROOF, PROBE = "#3d5a80", "#f0c000", "#1d2733"
+HIDDEN, PROOF, PROBE = "#3d5a80", "#f0c000", INK
 _ANGLE = 30.0  # of the browser's camera, degrees
 _ASPECT = 1.2  # of the picture, in a window of usual size
 _RESOLUTION = 24  # of relaxed kernels, as one waits for them
@@ -146,9 +147,9 @@ class Stage:
 
     def _recolor(self) -> None:
         colors = np.empty((len(self._away), 4), np.uint8)
-        colors[:] = [*_rgb(SURFACE), round(255 * self._alpha)]
-        colors[self._hidden] = [*_rgb(HIDDEN), round(255 * max(self._alpha, 0.45))]
-        colors[self._away] = [*_rgb(WITNESS), round(255 * max(self._alpha, 0.85))]
+        colors[:] = [*rgb_of(SURFACE), round(255 * self._alpha)]
+        colors[self._hidden] = [*rgb_of(HIDDEN), round(255 * max(self._alpha, 0.45))]
+        colors[self._away] = [*rgb_of(WITNESS), round(255 * max(self._alpha, 0.85))]
         data = self._surface.mapper.dataset
         data.cell_data["rgba"] = colors[data.cell_data["triangle"]]
         data.Modified()
@@ -176,9 +177,7 @@ class Stage:
 
     def _aim(self, scene: Scene) -> tuple[NDArray[np.float64], float]:
         """Where to look, and from how far, so that surface and kernel fill the picture."""
-        right = np.cross(scene.up, scene.view)
-        right /= np.linalg.norm(right)
-        axes = np.stack([right, np.cross(scene.view, right), scene.view])
+        axes = camera_frame(scene.view, scene.up)
         flat = self.to_local(scene.points) @ axes.T
         middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
         flat = flat - middle
@@ -216,7 +215,3 @@ class Stage:
 
 
 _MATERIAL: dict[str, Any] = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.15}
-
-
-def _rgb(color: str) -> tuple[int, int, int]:
-    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
