@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 import shapes
 
@@ -94,3 +95,18 @@ def test_pictures(found, tmp_path):
         assert "rgb(211,32,47)" in page
     with pytest.raises(ValueError, match="`path` must end in"):
         guards_picture(tmp_path / "a.gif", found)
+
+
+def test_a_long_flat_surface_is_shown_whole(tmp_path):
+    """Ten times as wide as high, its guard off it: white at the rims of the panels, and surface close to them."""
+    x = np.linspace(0.0, 10.0, 21)
+    vertices = np.array([(a, b, 0.3 * np.sin(a)) for a in x for b in (0.0, 1.0)])
+    at = 2 * np.arange(20)[:, None]
+    faces = np.concatenate([at + np.array([0, 2, 3]), at + np.array([0, 3, 1])])
+    found = voxkernel.guards((vertices, faces))
+    guards_picture(tmp_path / "a.png", found, size=(800, 700))
+    page = np.asarray(pytest.importorskip("PIL.Image").open(tmp_path / "a.png").convert("L"))[160:600]
+    for panel in (page[:, :400], page[:, 400:]):
+        drawn = np.flatnonzero((panel < 250).any(axis=0))
+        assert 4 <= drawn[0] <= 40
+        assert 360 <= drawn[-1] <= 395

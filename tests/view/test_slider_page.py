@@ -52,9 +52,24 @@ def test_a_stop_shows_the_surface_and_its_own_kernel(written):
     assert names.count("surface") == 1
     for i, step in enumerate(steps):
         shown = {n for n, on in zip(names, step["args"][0]["visible"], strict=True) if on}
-        assert shown - {"surface", None} == {name_of(TOLERANCES[i - 1]) if i else "exact kernel"}
+        kernel = {name_of(TOLERANCES[i - 1])} if i else {"exact kernel", "deepest point"}
+        assert shown - {"surface", "domain: hull", "", None} == kernel
         assert "&lt;L&gt;" in step["args"][1]["title.text"]
     assert [trace.get("visible", True) for trace in traces] == steps[0]["args"][0]["visible"]
+
+
+def test_what_stands_below_is_there_at_every_stop(written):
+    """Axes, a scale bar with its length, the deepest point; all of it inside the space that is shown."""
+    traces, layout = parts_of(written)
+    words = [(k, trace["text"]) for k, trace in enumerate(traces) if trace.get("mode") == "text"]
+    assert [text for _, text in words] == [["x", "y", "z", "0.5 mesh units"]]
+    for step in layout["sliders"][0]["steps"]:
+        assert step["args"][0]["visible"][words[0][0]]
+    marked = [len(step["args"][1]["scene.annotations"]) for step in layout["sliders"][0]["steps"]]
+    assert marked == [2, 0, 0, 0]  # a dot with a rim; a relaxed kernel is marked by none
+    places = np.array([traces[words[0][0]][axis] for axis in "xyz"])
+    low, high = np.array([layout["scene"][f"{axis}axis"]["range"] for axis in "xyz"]).T
+    assert ((places.T >= low) & (places.T <= high)).all()
 
 
 def test_it_needs_no_network(written):

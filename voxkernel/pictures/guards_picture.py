@@ -14,7 +14,7 @@ from voxkernel._extras import optional
 from voxkernel._palette import INK, UNSEEN, distinct_color, hex_of
 from voxkernel.guarding import Guards
 from voxkernel.mesh.triangles import without_strays
-from voxkernel.pictures.camera import as_up, camera_frame
+from voxkernel.pictures.camera import as_up, camera_frame, look_at
 from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
 from voxkernel.pictures.scene import Scene, make_scene
 from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
@@ -59,8 +59,8 @@ def guards_picture(
     place, kind = check_picture(path)
     scene = make_scene(found.mesh, None, up=as_up(up))
     words = (
-        f"{len(found)} guards see {100 * found.seen:.2f} % of the area, {100 * found.certified:.2f} % by certificate; "
-        f"red: unseen"
+        f"{len(found)} {'guard sees' if len(found) == 1 else 'guards see'} {100 * found.seen:.2f} % of the area, "
+        f"{100 * found.certified:.2f} % by certificate; red: unseen"
     )
     if kind == ".html":
         _write_html(place, found, scene, title, words)
@@ -107,8 +107,8 @@ def _draw(
             found.points, [str(i) for i in range(len(found))], shape="rounded_rect", shape_color="white",
             shape_opacity=0.7, show_points=False, always_visible=True, font_size=20, text_color=INK,
         )  # fmt: skip
-    plotter.view_vector(view, viewup=up)
-    plotter.camera.zoom(1.25)
+    around = [found.points + _BALL * size * step for step in (*np.eye(3), *-np.eye(3))]
+    look_at(plotter, np.concatenate([vertices, *around]), view, up)
 
 
 def _write_html(path: Path, found: Guards, scene: Scene, title: str, words: str) -> None:

@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel._palette import INK, PALE
 from voxkernel.pictures.parts import save_page
-from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
-from voxkernel.pictures.space_furniture import broken_lines, dots, furniture_traces, lit, space
+from voxkernel.pictures.scene import Scene
+from voxkernel.pictures.scene_traces import center_dots, kernel_traces, surface_traces
+from voxkernel.pictures.space_furniture import furniture_traces, space
 
 __all__ = ["Plate", "write_html"]
-
 
 
 class Plate(NamedTuple):
@@ -70,79 +69,10 @@ def _clean(text: str) -> str:
 
 
 def _space(scene: Scene) -> dict[str, Any]:
-    return space(scene.points, scene.view, scene.up, dots(scene.center, [CENTER] * len(scene.center)))
+    return space(scene.points, scene.view, scene.up, center_dots(scene))
 
 
 def _traces(go: Any, scene: Scene) -> list[Any]:
-    solid = lit(scene.view, scene.up)
-    has_kernel = len(scene.kernel_vertices) > 0
-    opacity = 0.3 if has_kernel else 0.5
-    traces = [_mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=opacity, **solid)]
-    if len(scene.surface_lines):
-        traces.append(_lines(go, scene.surface_lines, LINE, 2))
-    if len(scene.kernel_faces):
-        look = scene.kernel_name, scene.kernel_color
-        inner = {"flatshading": not scene.is_smooth}
-        traces.append(_mesh(go, scene.kernel_vertices, scene.kernel_faces, *look, **inner, **solid))
-        if 0 < len(scene.kernel_lines) <= 4000:
-            traces.append(_lines(go, scene.kernel_lines, scene.kernel_line_color, 2))
-    elif len(scene.kernel_lines):
-        traces.append(_lines(go, scene.kernel_lines, scene.kernel_color, 8, name=scene.kernel_name))
-    small = has_kernel and float(np.linalg.norm(np.ptp(scene.kernel_vertices, axis=0))) < 0.03 * scene.diagonal
-    if small:
-        x, y, z = scene.kernel_vertices.mean(axis=0)[:, None].tolist()
-        marker = {"size": 7, "color": scene.kernel_color, "symbol": "circle-open", "line": {"width": 2}}
-        name = f"{scene.kernel_name} (here)"
-        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
-    if len(scene.witness_faces):
-        traces += _witness(go, scene)
-    if len(scene.center):
-        x, y, z = scene.center.T.tolist()
-        marker = {"size": 6, "color": CENTER, "line": {"color": INK, "width": 1.5}}
-        name = scene.center_name
-        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name=name, showlegend=True))
-    if len(scene.domain_lines):
-        traces.append(_lines(go, scene.domain_lines, DOMAIN, 2, name=f"domain: {scene.domain_name}"))
+    opacity = 0.3 if len(scene.kernel_vertices) else 0.5
+    traces = [*surface_traces(go, scene, opacity=opacity), *kernel_traces(go, scene)]
     return [*traces, *furniture_traces(go, scene.points, scene.view, scene.up)]
-
-
-def _witness(go: Any, scene: Scene) -> list[Any]:
-    facets = scene.faces[scene.witness_faces]
-    traces = [_mesh(go, scene.vertices, facets, "facets of the proof", WITNESS, flatshading=True)]
-    turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
-    for center, inward in zip(scene.witness_centers, scene.witness_inward, strict=True):
-        aside = np.cross(inward, np.eye(3)[np.argmin(np.abs(inward))])
-        aside /= np.linalg.norm(aside)
-        circle = np.outer(np.cos(turn), aside) + np.outer(np.sin(turn), np.cross(inward, aside))
-        points = np.concatenate([center[None], center + 0.06 * scene.diagonal * circle])
-        ring = 1 + np.arange(len(turn))
-        fan = np.column_stack([np.zeros(len(turn), np.int64), ring, 1 + ring % len(turn)])
-        traces.append(_mesh(go, points, fan, "", WITNESS, opacity=0.45))
-        end = center + 0.13 * scene.diagonal * inward
-        traces.append(_lines(go, np.array([[center, end]]), WITNESS, 6))
-        x, y, z = end[:, None].tolist()
-        u, v, w = (0.06 * scene.diagonal * inward)[:, None].tolist()
-        traces.append(
-            go.Cone(
-                x=x, y=y, z=z, u=u, v=v, w=w, sizemode="raw", anchor="center", showscale=False,
-                colorscale=[[0, WITNESS], [1, WITNESS]], hoverinfo="skip",
-            )
-        )  # fmt: skip
-    return traces
-
-
-def _mesh(go: Any, vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str, color: str, **style: Any) -> Any:
-    x, y, z = vertices.T
-    i, j, k = faces.T.astype(np.int32)
-    return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k, color=color, name=name, showlegend=bool(name),
-        hoverinfo="name" if name else "skip", **style,
-    )  # fmt: skip
-
-
-def _lines(go: Any, segments: NDArray[np.float64], color: str, width: int, *, name: str = "") -> Any:
-    x, y, z = broken_lines(segments).T
-    return go.Scatter3d(
-        x=x, y=y, z=z, mode="lines", line={"color": color, "width": width}, name=name, showlegend=bool(name),
-        hoverinfo="skip",
-    )  # fmt: skip

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel._palette import INK, PALE
-from voxkernel.pictures.camera import camera_frame
+from voxkernel.pictures.camera import camera_frame, look_at
+from voxkernel.pictures.creases import SHARP_DEG
 from voxkernel.pictures.furniture import add_furniture, legend_of
 from voxkernel.pictures.scene import CENTER, DOMAIN, LINE, SURFACE, WITNESS, Scene
 from voxkernel.pictures.silent_vtk import silent_vtk
@@ -76,7 +77,8 @@ def _draw(scene: Scene, size: tuple[int, int], *, close_up: bool = False) -> _Vi
                 lines = segments(pyvista, scene.domain_lines)
                 plotter.add_mesh(lines, color=DOMAIN, line_width=1.4, opacity=0.8, lighting=False)
             points = scene.kernel_vertices if close_up else scene.points
-            scale = _aim(plotter, scene, points, pixels, margin=1.5 if close_up else 1.06)
+            least = 0.1 * scene.diagonal if len(points) == 1 else 0.0
+            scale = look_at(plotter, points, scene.view, scene.up, margin=1.5 if close_up else 1.06, least=least)
             # Without these two lines depth peeling drops everything translucent where VTK renders in software.
             plotter.render_window.SetMultiSamples(0)
             plotter.render_window.AlphaBitPlanesOn()
@@ -99,7 +101,7 @@ def _light(plotter: Any, pyvista: Any) -> None:
 def _add_surface(plotter: Any, pyvista: Any, scene: Scene) -> None:
     data = pyvista.PolyData.from_regular_faces(scene.vertices, scene.faces)
     data = data.compute_normals(
-        split_vertices=True, feature_angle=30.0, consistent_normals=False, auto_orient_normals=False
+        split_vertices=True, feature_angle=SHARP_DEG, consistent_normals=False, auto_orient_normals=False
     )
     opacity = (0.46 if scene.is_open else 0.27) if len(scene.kernel_vertices) else 0.55
     plotter.add_mesh(
@@ -155,28 +157,6 @@ def segments(pyvista: Any, lines: NDArray[np.float64]) -> Any:
     n = len(lines)
     cells = np.column_stack([np.full(n, 2), 2 * np.arange(n), 2 * np.arange(n) + 1]).ravel()
     return pyvista.PolyData(np.ascontiguousarray(lines.reshape(-1, 3)), lines=cells)
-
-
-def _aim(plotter: Any, scene: Scene, points: NDArray[np.float64], pixels: list[int], *, margin: float) -> float:
-    """Fit the points into the picture, and give the world units of a pixel in the plane through their middle."""
-    axes = camera_frame(scene.view, scene.up)
-    flat = points @ axes.T
-    middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    flat -= middle
-    angle = 18.0
-    slope = np.tan(np.radians(angle / 2))
-    # A point at depth z and height h fits when h <= slope * (distance - z).
-    reach = np.maximum(np.abs(flat[:, 1]), np.abs(flat[:, 0]) * pixels[1] / pixels[0])
-    distance = float((margin * reach / slope + flat[:, 2]).max())
-    if len(points) == 1:
-        distance = 0.05 * scene.diagonal / slope
-    center = middle @ axes
-    plotter.camera.view_angle = angle
-    plotter.camera.focal_point = center
-    plotter.camera.position = center + distance * scene.view
-    plotter.camera.up = scene.up
-    plotter.reset_camera_clipping_range()
-    return 2.0 * slope * distance / pixels[1]
 
 
 def _to_pixels(plotter: Any, points: NDArray[np.float64], pixels: list[int]) -> NDArray[np.float64]:

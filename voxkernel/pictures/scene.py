@@ -15,6 +15,7 @@ from voxkernel.mesh.connected_components import components
 from voxkernel.mesh.edges import half_edges
 from voxkernel.mesh.triangles import bounds_of, doubled_normals, used_vertices, without_strays
 from voxkernel.pictures.camera import seen_upright
+from voxkernel.pictures.creases import SHARP_DEG
 from voxkernel.pictures.domain_outline import domain_outline, is_cut_by_domain
 from voxkernel.pictures.level_surface import RESOLUTION, level_surface
 
@@ -27,8 +28,7 @@ _KERNEL_LINE, _RELAXED_LINE = "#7a3300", "#4b1b48"
 
 _CENTER_NAMES = ("deepest point", "star centre")
 
-# Edges are drawn where two facets meet at more than this angle; on coarse surfaces, wherever it is not flat.
-_SHARP_DEG = 30.0
+# Sharp edges are drawn; on coarse surfaces every edge that is not flat.
 _COARSE = 300
 _FLAT = 1.0 - 1e-6
 # Sharp edges that hang together for less than this share of the diagonal are specks, not features.
@@ -199,7 +199,7 @@ def _feature_lines(mesh: TriangleMesh, normals: NDArray[np.float64]) -> tuple[ND
     ends, counts = edges.ends(faces), edges.n_faces
     one, other = edges.order[edges.first] // 3, edges.order[np.minimum(edges.first + 1, faces.size - 1)] // 3
     bend = np.einsum("ij,ij->i", normals[one], normals[other])
-    drawn = (counts != 2) | (bend < np.cos(np.radians(_SHARP_DEG)))
+    drawn = (counts != 2) | (bend < np.cos(np.radians(SHARP_DEG)))
     if mesh.n_facets <= _COARSE:
         drawn |= (mesh.facet_ids[one] != mesh.facet_ids[other]) & (bend < _FLAT)
     segments = mesh.vertices[ends[drawn]]

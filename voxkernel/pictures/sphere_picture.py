@@ -15,7 +15,7 @@ from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 from voxkernel._palette import INK
 from voxkernel.mesh.triangles import without_strays
-from voxkernel.pictures.camera import as_up, camera_frame
+from voxkernel.pictures.camera import as_up, camera_frame, look_at
 from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
 from voxkernel.pictures.png import segments
 from voxkernel.pictures.scene import KERNEL, SURFACE, make_scene
@@ -227,16 +227,7 @@ def _draw_surface(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     plotter.add_mesh(segments(pyvista, panels.rays), color=KERNEL, line_width=2.0, opacity=0.8, lighting=False)
     reach = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     plotter.add_mesh(pyvista.Sphere(radius=0.016 * reach, center=panels.center), color=KERNEL, **_MATERIAL)
-    _aim(plotter, panels)
-
-
-def _aim(plotter: Any, panels: _Panels) -> None:
-    """Look at the surface, whatever is drawn: what is rebuilt is seen from the same place."""
-    plotter.view_vector(panels.view, panels.up)
-    low, high = panels.surface[0].min(axis=0), panels.surface[0].max(axis=0)
-    plotter.reset_camera(bounds=np.stack([low, high], axis=1).ravel().tolist())
-    plotter.camera.zoom(1.3)
-    plotter.reset_camera_clipping_range()
+    look_at(plotter, panels.surface[0], panels.view, panels.up)  # what is rebuilt is seen from the same place
 
 
 def _draw_ball(plotter: Any, pyvista: Any, panels: _Panels) -> None:
@@ -248,8 +239,7 @@ def _draw_ball(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     ball.point_data["radius"] = radii
     plotter.add_mesh(ball, scalars="radius", ambient=0.4, diffuse=0.55, **_COLORS)
     plotter.add_mesh(segments(pyvista, _lines_of_ball()), color=_LINE, line_width=1.2, opacity=0.6, lighting=False)
-    plotter.view_vector(panels.view, panels.up)
-    plotter.camera.zoom(1.3)
+    look_at(plotter, unit, panels.view, panels.up)
 
 
 def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
@@ -282,4 +272,4 @@ def _draw_map(plotter: Any, pyvista: Any, panels: _Panels) -> None:
 def _draw_rebuilt(plotter: Any, pyvista: Any, panels: _Panels) -> None:
     rebuilt = pyvista.PolyData.from_regular_faces(*panels.rebuilt)
     plotter.add_mesh(rebuilt, color=SURFACE, smooth_shading=True, split_sharp_edges=True, **_MATERIAL)
-    _aim(plotter, panels)
+    look_at(plotter, panels.surface[0], panels.view, panels.up)  # what is rebuilt is seen from the same place

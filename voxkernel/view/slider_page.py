@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
@@ -16,7 +16,9 @@ from voxkernel.exact import Kernel
 from voxkernel.guarding import Guards
 from voxkernel.mesh import MeshLike
 from voxkernel.pictures.parts import heading, save_page
-from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene, make_scene
+from voxkernel.pictures.scene import LINE, make_scene
+from voxkernel.pictures.scene_traces import center_dots, kernel_traces, surface_traces
+from voxkernel.pictures.space_furniture import furniture_traces, space
 from voxkernel.view.shown import Shown, gathered
 
 __all__ = ["slider_page", "write_slider_page"]
@@ -76,8 +78,15 @@ def write_slider_page(path: Path, shown: Shown) -> None:
     """Write what is shown; the surface is in the page once, whatever the number of kernels."""
     go = optional("plotly.graph_objects")
     scenes = [make_scene(shown.mesh, kernel, up=shown.up) for kernel in shown.kernels]
-    fixed = _fixed(go, scenes[0], shown)
-    stops = [_of_kernel(go, scene, shown.stop_name(i)) for i, scene in enumerate(scenes)]
+    first, guards = scenes[0], np.zeros((0, 3)) if shown.guards is None else shown.guards.points
+    points = np.concatenate([*(scene.points for scene in scenes), guards])
+    fixed = surface_traces(go, first, opacity=0.35)
+    if len(guards):
+        x, y, z = guards.T.tolist()
+        marker = {"size": 6, "color": LINE}
+        fixed.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name="guards", hoverinfo="name"))
+    fixed += furniture_traces(go, points, first.view, first.up)
+    stops = [kernel_traces(go, scene, name=shown.stop_name(i)) for i, scene in enumerate(scenes)]
     owner = np.array([-1] * len(fixed) + [i for i, traces in enumerate(stops) for _ in traces])
     figure = go.Figure([*fixed, *(trace for traces in stops for trace in traces)])
     for trace, stop in zip(figure.data, owner, strict=True):
@@ -86,65 +95,19 @@ def write_slider_page(path: Path, shown: Shown) -> None:
         {
             "label": "exact" if i == 0 else f"{100 * scene.tolerance:.4g} %", "method": "update",
             "args": [{"visible": ((owner == -1) | (owner == i)).tolist()},
-                     {"title.text": heading(shown.title, shown.stop_words(i))["text"]}],
+                     {"title.text": heading(shown.title, shown.stop_words(i))["text"],
+                      "scene.annotations": center_dots(scene)}],
         } for i, scene in enumerate(scenes)
     ]  # fmt: skip
     slider = {
         "active": 0, "steps": steps, "x": 0.08, "len": 0.84, "pad": {"t": 10, "b": 20},
         "currentvalue": {"prefix": "area that may be turned away: "},
     }  # fmt: skip
-    hidden = {"visible": False}
-    extents = np.ptp(scenes[0].points, axis=0)
-    ratio = np.maximum(extents / extents.max(), 1e-3)
-    camera = {"eye": _xyz(1.05 * float(np.linalg.norm(ratio)) * scenes[0].view), "up": _xyz(scenes[0].up)}
     figure.update_layout(
         title=heading(shown.title, shown.stop_words(0)), sliders=[slider] if len(steps) > 1 else [],
-        scene={
-            "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "manual", "aspectratio": _xyz(ratio),
-            "camera": camera,
-        },
+        scene=space(points, first.view, first.up, center_dots(first)),
         margin={"l": 0, "r": 0, "t": 90, "b": 0}, paper_bgcolor="white",
         font={"family": "system-ui, 'DejaVu Sans', sans-serif"},
         legend={"x": 0.99, "xanchor": "right", "y": 0.97, "yanchor": "top", "bgcolor": "rgba(255,255,255,0.8)"},
     )  # fmt: skip
     save_page(path, figure, shown.title, style="overflow:hidden")
-
-
-def _fixed(go: Any, scene: Scene, shown: Shown) -> list[Any]:
-    """What every stop of the slider shows."""
-    traces = [_mesh(go, scene.vertices, scene.faces, "surface", SURFACE, opacity=0.35)]
-    if len(scene.surface_lines):
-        broken = np.concatenate([scene.surface_lines, np.full((len(scene.surface_lines), 1, 3), np.nan)], axis=1)
-        x, y, z = broken.reshape(-1, 3).T
-        line = {"color": LINE, "width": 2}
-        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="lines", line=line, showlegend=False, hoverinfo="skip"))
-    if len(scene.witness_faces):
-        traces.append(_mesh(go, scene.vertices, scene.faces[scene.witness_faces], "facets of the proof", WITNESS))
-    if shown.guards is not None:
-        x, y, z = shown.guards.points.T
-        marker = {"size": 6, "color": LINE}
-        traces.append(go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name="guards", hoverinfo="name"))
-    return traces
-
-
-def _of_kernel(go: Any, scene: Scene, name: str) -> list[Any]:
-    points = scene.kernel_vertices
-    if len(scene.kernel_faces):
-        return [_mesh(go, points, scene.kernel_faces, name, scene.kernel_color, flatshading=True)]
-    x, y, z = points.T
-    look = {"marker": {"size": 6, "color": scene.kernel_color}, "line": {"width": 8, "color": scene.kernel_color}}
-    mode = "lines+markers" if len(points) > 1 else "markers"
-    return [go.Scatter3d(x=x, y=y, z=z, mode=mode, name=name, hoverinfo="name", **look)] if len(points) else []
-
-
-def _mesh(go: Any, vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str, color: str, **style: Any) -> Any:
-    x, y, z = vertices.T
-    i, j, k = faces.T.astype(np.int32)
-    light = {"ambient": 0.62, "diffuse": 0.75, "specular": 0.15, "facenormalsepsilon": 0, "vertexnormalsepsilon": 0}
-    return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k, color=color, name=name, showlegend=True, hoverinfo="name", lighting=light, **style
-    )
-
-
-def _xyz(vector: NDArray[np.float64]) -> dict[str, float]:
-    return dict(zip("xyz", vector.tolist(), strict=True))

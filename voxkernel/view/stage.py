@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from voxkernel._extras import optional
 from voxkernel._palette import INK, distinct_color, hex_of, rgb_of
-from voxkernel.pictures.camera import camera_frame
+from voxkernel.pictures.camera import place_to_see
+from voxkernel.pictures.creases import SHARP_DEG
 from voxkernel.pictures.scene import LINE, SURFACE, WITNESS, Scene, make_scene
 from voxkernel.pictures.silent_vtk import silent_vtk
 from voxkernel.view.shown import Shown
@@ -46,7 +47,7 @@ class Stage:
             vertices, faces = self._used(shown.mesh.vertices, shown.mesh.faces)
             whole = self._pv.PolyData.from_regular_faces(self.to_local(vertices), faces)
             self._whole = whole.compute_normals(
-                split_vertices=True, feature_angle=30.0, consistent_normals=False, auto_orient_normals=False
+                split_vertices=True, feature_angle=SHARP_DEG, consistent_normals=False, auto_orient_normals=False
             )
             self._whole.cell_data["triangle"] = np.arange(len(faces))
             self._alpha = 0.4
@@ -64,7 +65,8 @@ class Stage:
             self._probe = self._add(self._ball(self._middle, 0.011), color=PROBE, ambient=0.5, diffuse=0.6)
             camera = plotter.camera
             camera.view_angle = _ANGLE
-            focus, distance = self._aim(scene)
+            points = self.to_local(scene.points)
+            focus, distance = place_to_see(points, scene.view, scene.up, aspect=_ASPECT, angle=_ANGLE, margin=1.1)
             camera.focal_point, camera.position = tuple(focus), tuple(focus + distance * scene.view)
             camera.up = tuple(scene.up)
         self.show_kernel(0)
@@ -174,15 +176,6 @@ class Stage:
         if closed and data.n_open_edges == 0:
             return data.clip_closed_surface(normal=-normal, origin=origin)
         return data.clip(normal=normal, origin=origin)
-
-    def _aim(self, scene: Scene) -> tuple[NDArray[np.float64], float]:
-        """Where to look, and from how far, so that surface and kernel fill the picture."""
-        axes = camera_frame(scene.view, scene.up)
-        flat = self.to_local(scene.points) @ axes.T
-        middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-        flat = flat - middle
-        reach = np.maximum(np.abs(flat[:, 1]), np.abs(flat[:, 0]) / _ASPECT)
-        return middle @ axes, float((1.1 * reach / np.tan(np.radians(_ANGLE / 2)) + flat[:, 2]).max())
 
     def _ball(self, world: NDArray[np.float64], radius: float) -> Any:
         return self._pv.Sphere(radius=radius, center=tuple(self.to_local(world)))
