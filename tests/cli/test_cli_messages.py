@@ -10,6 +10,7 @@ import shapes
 
 from voxkernel import StarCenter, as_mesh
 from voxkernel.cli import stages as stages_module
+from voxkernel.cli.argument_types import joined
 from voxkernel.cli.center import border_note
 from voxkernel.cli.commands import COMMANDS, parser
 from voxkernel.cli.main import main
@@ -288,3 +289,30 @@ def test_a_file_that_fails_does_not_stop_info_about_others(folder, capsys):
     assert code == 1
     assert "closed" in out
     assert err.splitlines() == ["'lost.vdb' does not exist", "voxkernel: 1 of 2 files failed"]
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["--up", "-z"], ["--up=-z"]),
+        (["--center", "-0.1,0,2"], ["--center=-0.1,0,2"]),
+        (["--center", "-.5,0,2", "x.ply"], ["--center=-.5,0,2", "x.ply"]),
+        (["x.ply", "-z"], ["x.ply", "-z"]),
+        (["--up=x", "-z"], ["--up=x", "-z"]),
+        (["--picture", "-v", "--up", "y"], ["--picture", "-v", "--up", "y"]),
+        (["-o", "-1,2,3"], ["-o", "-1,2,3"]),
+        ([], []),
+    ],
+)
+def test_a_value_may_begin_with_a_minus(words, wanted):
+    assert joined(words) == wanted
+
+
+def test_a_centre_below_zero_and_a_picture_upside_down(folder, capsys):
+    as_mesh((shapes.cube()[0] - 0.6, shapes.cube()[1])).write("low.ply")
+    code, out, _ = said(capsys, "sphere", "low.ply", "--center", "-0.1,-0.1,-0.1", "-q")
+    assert code == 0, out
+    for up in ("-z", "-1,0,0"):
+        assert parser().parse_args(joined(["kernel", "low.ply", "--up", up])).up[2 if up == "-z" else 0] == -1.0
+    code, _, err = said(capsys, "kernel", "low.ply", "--up", "-q")
+    assert (code, err) == (2, "argument --up: expected one argument (see `voxkernel kernel --help`)")

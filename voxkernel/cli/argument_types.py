@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 
-__all__ = ["add_up", "three_numbers", "whole"]
+__all__ = ["add_up", "joined", "three_numbers", "whole"]
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+# Numbers between commas of which the first is negative, and axes, which argparse takes for options.
+_BEGINS_WITH_MINUS = re.compile(r"-(\.?\d.*,.*|[xyz])", re.IGNORECASE)
+
+
+def joined(words: Sequence[str]) -> list[str]:
+    """Arguments as they are, but `--option -1,2,3` as `--option=-1,2,3`."""
+    found: list[str] = []
+    for word in words:
+        if found and re.fullmatch(r"--[a-z][a-z-]*", found[-1]) and _BEGINS_WITH_MINUS.fullmatch(word):
+            found[-1] += f"={word}"
+        else:
+            found.append(word)
+    return found
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
@@ -37,7 +51,7 @@ def three_numbers(text: str) -> list[float] | None:
 def add_up(parser: argparse.ArgumentParser) -> None:
     """Declare --up of what draws: an axis, x, y or z, also with a minus sign, or three numbers."""
     parser.add_argument(
-        "--up", type=_direction, metavar="AXIS", help="what points up in the picture: x, y, z or X,Y,Z; --up=-z"
+        "--up", type=_direction, metavar="AXIS", help="what points up in the picture: x, y, z, -x, -y, -z or X,Y,Z"
     )
 
 

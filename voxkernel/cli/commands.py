@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from voxkernel._version import __version__
+from voxkernel.cli.argument_types import joined
 from voxkernel.cli.input_globs import expand_globs
 from voxkernel.cli.messages import did_you_mean, option_names, spoken
 from voxkernel.cli.output import UsageError, report_error
@@ -42,7 +43,7 @@ class _Parser(argparse.ArgumentParser):
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments and set up messages."""
     _accept_any_text()
-    args, left = parser().parse_known_args(argv)
+    args, left = parser().parse_known_args(joined(sys.argv[1:] if argv is None else argv))
     if left:
         args.parser.error(f"unrecognized arguments: {' '.join(left)}")
     if args.verbose:
