@@ -49,7 +49,7 @@ def report_page() -> None:
     run(*voxkernel, "report", "run", "-o", "report.html", "--title", "Shapes by formula", "--views", "18")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1100, "height": 1000})
+        page = browser.new_page(viewport={"width": 1280, "height": 1000})
         page.goto(Path("report.html").absolute().as_uri())
         page.wait_for_selector("html[data-ready=yes]")
         place = page.evaluate("[...document.querySelectorAll('h2')].map((h) => [h.textContent, h.offsetTop])")
@@ -78,7 +78,7 @@ def photograph() -> None:
         browser = driver.chromium.launch(
             executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
         )
-        page = browser.new_page(viewport={"width": 1100, "height": 740})
+        page = browser.new_page(viewport={"width": 1100, "height": 800})
         page.goto(viewer.url)
         page.wait_for_selector("html[data-ready=yes]")
         page.locator("#vk-stop").fill("3")

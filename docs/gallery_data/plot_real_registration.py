@@ -11,9 +11,9 @@ import os
 from pathlib import Path
 
 import numpy as np
-import pyvista
 
 import voxkernel
+from voxkernel.pictures import registration_picture
 
 data = Path(os.environ["VOXKERNEL_DATA"])
 truth = json.loads((data / "scans" / "ground_truth.json").read_text(encoding="utf-8"))["scans"]
@@ -35,20 +35,8 @@ for stem in ("scan_ict01_neutral", "scan_ict02_neutral", "scan_ict05_neutral"):
 # %%
 # The picture
 # -----------
-plotter = pyvista.Plotter(off_screen=True, shape=(2, 3), window_size=(1650, 1050), border=False)
-plotter.set_background("white", all_renderers=True)
-for column, (scan, model, found) in enumerate(shown):
-    for row, T in enumerate((np.eye(4), found.T_target_source)):
-        plotter.subplot(row, column)
-        moved = pyvista.PolyData.from_regular_faces(scan.vertices @ T[:3, :3].T + T[:3, 3], scan.faces)
-        plotter.add_mesh(moved, color="#e8650a", smooth_shading=True, opacity=1.0 if row == 0 else 0.6, ambient=0.2)
-        plotter.add_mesh(model.to_polydata(), color="#7fb0e6", smooth_shading=True, ambient=0.2)
-        plotter.add_text("before" if row == 0 else "after", font_size=13, color="#1d2733")
-        plotter.view_vector((0.55, 0.15, 1.0), (0, 1, 0))
-        plotter.camera.zoom(1.3)
-        plotter.enable_anti_aliasing("ssaa")
-plotter.screenshot("real_registration.png")
-plotter.close()
+scan, model, found = shown[0]
+registration_picture("real_registration.png", scan, model, found, title="A scan on its model", up=(0, 1, 0))
 
 # %%
 # Limits

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 import shapes
 
+import voxkernel
 from voxkernel import JointRegistration
-from voxkernel.pictures import together_picture
+from voxkernel.pictures import registration_picture, together_picture
 from voxkernel.pictures.fit_scene import bar_colors, before_panel, fit_of, plain_layer, view_of
 from voxkernel.pictures.parts import heading
+from voxkernel.registration import prepare_surface
 
 GREY = (185, 190, 196)
 
@@ -115,3 +117,18 @@ def test_page_of_many_scans(tmp_path):
         together_picture(tmp_path / "p.jpg", scans, found)
     with pytest.raises(ValueError, match="`found` must hold scans that belong together; got none"):
         together_picture(tmp_path / "p.png", scans[:1], joint([nothing], (0,)))
+
+
+def test_a_picture_takes_what_register_took(tmp_path):
+    """Files, arrays and meshes as well as prepared surfaces; the picture is the same."""
+    pytest.importorskip("pyvista")
+    source, target = voxkernel.as_mesh(shapes.l_prism()), shapes.l_prism()
+    source.write(tmp_path / "l.ply")
+    ready = prepare_surface(source)
+    found = voxkernel.register(source, target)
+    pairs = {"prepared": (ready, ready), "given": (tmp_path / "l.ply", target)}
+    for name, pair in pairs.items():
+        registration_picture(tmp_path / f"{name}.png", *pair, found, size=(600, 800))
+    assert (tmp_path / "prepared.png").read_bytes() == (tmp_path / "given.png").read_bytes()
+    with pytest.raises(voxkernel.MeshReadError, match=r"none\.ply"):
+        registration_picture(tmp_path / "a.png", tmp_path / "none.ply", target, found)

@@ -140,8 +140,11 @@ def test_interactive_page_has_a_menu(tmp_path):
 def test_errors(tmp_path):
     with pytest.raises(ValueError, match=r"`path` must end in \.png or \.html; got 'p\.jpg'"):
         surface_picture(tmp_path / "p.jpg", shapes.cube(), None)
-    with pytest.raises(ValueError, match="`size` must be at least 200 pixels"):
-        surface_picture(tmp_path / "p.png", shapes.cube(), None, size=(100, 300))
+    for size, got in (((100, 300), r"\(100, 300\)"), ((300, 9000), r"\(300, 9000\)"), ((300,), r"\(300,\)")):
+        with pytest.raises(ValueError, match=rf"`size` must be a width and a height from 200 .*; got {got}"):
+            surface_picture(tmp_path / "p.png", shapes.cube(), None, size=size)
+    with pytest.raises(TypeError, match="`size` must be an array of integers"):
+        surface_picture(tmp_path / "p.png", shapes.cube(), None, size=(300.5, 400))
     with pytest.raises(ValueError, match=r"`path` must end in \.html"):
         interactive_page(tmp_path / "p.png", [("a", shapes.cube(), None)])
     with pytest.raises(ValueError, match="`items` must hold at least one surface; got 0"):

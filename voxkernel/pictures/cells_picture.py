@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxkernel._checks import as_path
 from voxkernel._extras import optional
 from voxkernel._palette import INK
+from voxkernel.pictures.parts import check_size
 from voxkernel.pictures.silent_vtk import silent_vtk
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def cells_picture(
     target = as_path("path", path)
     if target.suffix.lower() != ".png":
         raise ValueError(f"`path` must end in .png; got '{target.name}'")
+    pixels = check_size(size, (200, 200))
     shades = np.asarray(values, dtype=np.float64)
     if shades.shape != (len(mesh),):
         raise ValueError(f"`values` must have shape ({len(mesh)},); got {shades.shape}")
@@ -49,7 +51,7 @@ def cells_picture(
     data: Any = pyvista.PolyData(mesh.vertices.copy(), polygons)
     data.cell_data["value"] = shades[owner]
     with silent_vtk():
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size))
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(pixels))
         try:
             plotter.set_background("white")
             plotter.add_mesh(
@@ -61,7 +63,7 @@ def cells_picture(
                 },
             )  # fmt: skip
             plotter.view_vector((1.0, -0.55, 0.35), viewup=(0.0, 0.0, 1.0))
-            plotter.add_text(label, position=(0.05, 0.04), viewport=True, font_size=size[1] // 65, color=INK)
+            plotter.add_text(label, position=(0.05, 0.04), viewport=True, font_size=pixels[1] // 65, color=INK)
             plotter.camera.zoom(1.25)
             plotter.camera.SetWindowCenter(0.0, -0.1)
             plotter.enable_anti_aliasing("ssaa")

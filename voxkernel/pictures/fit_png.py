@@ -18,9 +18,11 @@ from voxkernel.pictures.parts import drawn
 from voxkernel.pictures.png import _write as write_line
 from voxkernel.pictures.png import broken
 
-__all__ = ["write_fit_png"]
+__all__ = ["LEAST", "write_fit_png"]
 
 _HEAD, _LINE, _TOP, _FOOT, _BELOW = 110, 27, 36, 210, 80
+LEAST = 600, 800
+"""Width and height of a picture that has room for six panels."""
 _MUCH_LARGER = 1.4  # than the panel of the surfaces laid together: drawn in a scale of its own, which is told
 
 
@@ -44,7 +46,7 @@ def write_fit_png(
     for i, (panel, own) in enumerate(zip(panels, scales, strict=True)):
         left, upper = (i % 2) * part[0], head + (i // 2) * part[1]
         shown = max(own, common)
-        name = panel.name + (f" (at 1/{shown / common:.2g} of the size)" if shown > 1.001 * common else "")
+        name = panel.name + (f" (at {100 * common / shown:.0f} % of the size)" if shown > 1.01 * common else "")
         room = (part[0], part[1] - _TOP)
         pixels, _ = drawn(partial(_draw, panel=panel, scale=shown), room)
         image = Image.fromarray(pixels)

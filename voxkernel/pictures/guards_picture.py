@@ -15,7 +15,7 @@ from voxkernel._palette import INK, UNSEEN, distinct_color, hex_of
 from voxkernel.guarding import Guards
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.camera import as_up, camera_frame, look_at
-from voxkernel.pictures.parts import check_picture, heading, save_page, write_parts
+from voxkernel.pictures.parts import check_picture, check_size, heading, save_page, write_parts
 from voxkernel.pictures.scene import Scene, make_scene
 from voxkernel.pictures.space_furniture import dots, furniture_traces, lit, space
 
@@ -52,11 +52,12 @@ def guards_picture(
     Raises
     ------
     ValueError
-        If the suffix is another, or `up` is no direction.
+        If the suffix is another, `size` is too small or too large, or `up` is no direction.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    pixels = check_size(size, (400, 360))
     scene = make_scene(found.mesh, None, up=as_up(up))
     words = (
         f"{len(found)} {'guard sees' if len(found) == 1 else 'guards see'} {100 * found.seen:.2f} % of the area, "
@@ -73,7 +74,7 @@ def guards_picture(
         for _, s, _ in views
     ]  # fmt: skip
     frame = camera_frame(scene.view, scene.up)
-    write_parts(place, title, words, parts, size, legend=_legend(found), frame=frame)
+    write_parts(place, title, words, parts, pixels, legend=_legend(found), frame=frame)
 
 
 def _legend(found: Guards) -> list[tuple[str, str]]:

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._checks import as_path
+from voxkernel._checks import as_integers, as_path
 from voxkernel._extras import optional
 from voxkernel._palette import INK, PALE
 from voxkernel.pictures.furniture import add_furniture
 
-__all__ = ["Draw", "check_picture", "drawn", "heading", "save_page", "write_parts"]
+__all__ = ["Draw", "check_picture", "check_size", "drawn", "heading", "save_page", "write_parts"]
 
 _HEAD, _TOP, _FOOT = 120, 40, 90
+_MOST = 4096  # pixels each way: of 8192 each way it takes 9 GB
 _LINE = 150  # letters in a line of a caption
 
 Draw = Callable[[Any, Any], None]
@@ -32,6 +33,15 @@ def check_picture(path: str | os.PathLike[str]) -> tuple[Path, str]:
     if kind not in (".png", ".html"):
         raise ValueError(f"`path` must end in .png or .html; got '{target.name}'")
     return target, kind
+
+
+def check_size(size: tuple[int, int], least: tuple[int, int]) -> tuple[int, int]:
+    """Check the pixels of a PNG: no smaller than what it must hold."""
+    pixels = as_integers("size", size, shape="(2,)", ndim=1).tolist()
+    if len(pixels) != 2 or not all(a <= v <= _MOST for a, v in zip(least, pixels, strict=True)):
+        room = f"from {least[0]} x {least[1]} to {_MOST} x {_MOST} pixels"
+        raise ValueError(f"`size` must be a width and a height {room}; got {tuple(pixels)}")
+    return pixels[0], pixels[1]
 
 
 def heading(title: str, words: str) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxkernel.mesh import TriangleMesh
+from voxkernel.mesh import MeshLike, TriangleMesh
 from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.fit_html import write_fit_html
-from voxkernel.pictures.fit_png import write_fit_png
+from voxkernel.pictures.fit_png import LEAST, write_fit_png
 from voxkernel.pictures.fit_scene import (
     UNEXPLAINED,
     Layer,
@@ -25,8 +25,8 @@ from voxkernel.pictures.fit_scene import (
     view_of,
 )
 from voxkernel.pictures.level_surface import level_surface
-from voxkernel.pictures.parts import check_picture
-from voxkernel.registration import Registration
+from voxkernel.pictures.parts import check_picture, check_size
+from voxkernel.registration import Registration, prepare_surface
 from voxkernel.registration.prepare import PreparedSurface, simplified
 
 __all__ = ["registration_picture"]
@@ -36,8 +36,8 @@ _SOURCE, _TARGET = "#d9822b", "#5b8db8"
 
 def registration_picture(
     path: str | os.PathLike[str],
-    source: PreparedSurface,
-    target: PreparedSurface,
+    source: MeshLike | PreparedSurface,
+    target: MeshLike | PreparedSurface,
     found: Registration,
     *,
     title: str = "",
@@ -55,8 +55,8 @@ def registration_picture(
     ----------
     path : str or os.PathLike
         Ends in ``.png`` (no display needed) or ``.html`` (one offline page that can be turned).
-    source, target : PreparedSurface
-        From `prepare_surface`.
+    source, target : mesh, path, (vertices, faces) or PreparedSurface
+        As they were given to `register`; those of `prepare_surface` are not prepared again.
     found : Registration
         What `register` found for them.
     title : str
@@ -69,15 +69,18 @@ def registration_picture(
     Raises
     ------
     ValueError
-        If the suffix is another, or `up` is no direction.
+        If the suffix is another, `size` is too small or too large, or `up` is no direction.
+    MeshError, MeshReadError, TypeError
+        If a surface cannot be used.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    pixels = check_size(size, LEAST)
     wanted = as_up(up)
     motion = found.T_target_source
-    world = [moved(s.vertices, s.T_world_local) for s in (source, target)]
-    shown = [thinned(v, s.faces, 2) for v, s in zip(world, (source, target), strict=True)]
+    pair = [s if isinstance(s, PreparedSurface) else prepare_surface(s) for s in (source, target)]
+    shown = [thinned(moved(s.vertices, s.T_world_local), s.faces, 2) for s in pair]
     (points, faces), (points_there, faces_there) = shown
     laid = moved(points, motion)
     fit = fit_of([(laid, faces), (points_there, faces_there)], found.max_distance)
@@ -94,7 +97,7 @@ def registration_picture(
         Panel("source: distance to the target", (far[0],), view, upward),
         Panel("target: distance to the source", (far[1],), view, upward),
     ]  # fmt: skip
-    kernels = _kernels(source, _SOURCE, "kernel of the source"), _kernels(target, _TARGET, "kernel of the target")
+    kernels = _kernels(pair[0], _SOURCE, "kernel of the source"), _kernels(pair[1], _TARGET, "kernel of the target")
     if kernels[0] is not None and kernels[1] is not None:
         after = Layer(moved(kernels[0].vertices, motion), kernels[0].faces, kernels[0].colors, kernels[0].name)
         room = float(np.linalg.norm(np.ptp(np.concatenate([after.vertices, kernels[1].vertices]), axis=0)))
@@ -111,7 +114,7 @@ def registration_picture(
     if kind == ".html":
         write_fit_html(place, title, words, panels, fit, legend)
     else:
-        write_fit_png(place, title, words, panels, fit, legend, size)
+        write_fit_png(place, title, words, panels, fit, legend, pixels)
 
 
 def _kernels(surface: PreparedSurface, color: str, name: str) -> Any:

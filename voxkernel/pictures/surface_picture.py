@@ -14,7 +14,7 @@ from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.interactive_html import Plate, write_html
 from voxkernel.pictures.level_surface import RESOLUTION
-from voxkernel.pictures.parts import check_picture
+from voxkernel.pictures.parts import check_picture, check_size
 from voxkernel.pictures.png import write_png
 from voxkernel.pictures.scene import Scene, caption_of, make_scene
 from voxkernel.pictures.sphere_picture import sphere_picture
@@ -59,7 +59,7 @@ def surface_picture(
     Raises
     ------
     ValueError
-        If the suffix is neither, `size` is too small, or `up` is no direction.
+        If the suffix is neither, `size` is too small or too large, or `up` is no direction.
     MeshError, MeshReadError, TypeError
         If the surface cannot be used.
     OSError
@@ -82,13 +82,12 @@ def surface_picture(
     True
     """
     target, kind = check_picture(path)
-    if min(size) < 200:
-        raise ValueError(f"`size` must be at least 200 pixels each way; got {tuple(size)}")
+    pixels = check_size(size, (200, 200))
     mesh = as_mesh(surface)
     words = caption_of(mesh, kernel) if caption is None else caption
     scene = _scene(mesh, kernel, as_up(up), 0 if voxels else RESOLUTION)
     if kind == ".png":
-        write_png(target, scene, title=title, caption=words, size=size)
+        write_png(target, scene, title=title, caption=words, size=pixels)
     else:
         write_html(target, [Plate(scene, title, words)])
 

@@ -15,7 +15,7 @@ from voxkernel.mesh import TriangleMesh, as_mesh
 from voxkernel.mesh.triangles import without_strays
 from voxkernel.pictures.camera import as_up
 from voxkernel.pictures.fit_html import write_fit_html
-from voxkernel.pictures.fit_png import write_fit_png
+from voxkernel.pictures.fit_png import LEAST, write_fit_png
 from voxkernel.pictures.fit_scene import (
     UNEXPLAINED,
     Panel,
@@ -27,7 +27,7 @@ from voxkernel.pictures.fit_scene import (
     thinned,
     view_of,
 )
-from voxkernel.pictures.parts import check_picture
+from voxkernel.pictures.parts import check_picture, check_size
 from voxkernel.registration import JointRegistration
 
 __all__ = ["together_picture"]
@@ -73,12 +73,13 @@ def together_picture(
     Raises
     ------
     ValueError
-        If the suffix is another, `up` is no direction, the surfaces are more or fewer than the poses, or nothing was
-        laid together.
+        If the suffix is another, `size` is too small or too large, `up` is no direction, the surfaces are more or
+        fewer than the poses, or nothing was laid together.
     OSError
         If the file cannot be written.
     """
     place, kind = check_picture(path)
+    pixels = check_size(size, LEAST)
     wanted = as_up(up)
     n = len(found.poses)
     if len(surfaces) != n:
@@ -118,7 +119,7 @@ def together_picture(
     if kind == ".html":
         write_fit_html(place, title, words, panels, fit, legend)
     else:
-        write_fit_png(place, title, words, panels, fit, legend, size)
+        write_fit_png(place, title, words, panels, fit, legend, pixels)
 
 
 def _if_usable(surface: Any) -> TriangleMesh | None:
