@@ -18,6 +18,7 @@ __all__ = ["Axis", "Chart", "boxes", "histogram", "profile_charts", "roc_charts"
 WIDTH, HEIGHT = 400.0, 236.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 14.0, 10.0, 38.0
 _BINS = 30
+_TICK_WIDTH = 46.0  # of "0.0001", with what keeps it apart from the next
 _ZERO, _GAP = 32.0, 18.0  # width of the place for zero on a logarithmic axis, and what follows it
 CLASS_OF: dict[str, str] = dict(zip(OUTCOMES, ("star", "flat", "not", "failed"), strict=True))
 _TITLES = {score.name: score for score in ALL_SCORES}
@@ -86,7 +87,8 @@ class Axis:
         if not self.is_log:
             return [(self.place(v), _tick(v)) for v in _round_numbers(self.low, self.high)]
         low, high = round(math.log10(self.low)), round(math.log10(self.high))
-        step = max(1, math.ceil((high - low) / 5))
+        room = max(1.0, min(5.0, (abs(self.end - self.start) - _ZERO - _GAP) / _TICK_WIDTH))
+        step = max(1, math.ceil((high - low) / room))
         tens = [10.0**k for k in range(high, low - 1, -step)]
         return [(self.place(0.0), "0"), *((self.place(v), number(v)) for v in reversed(tens))]
 

@@ -17,7 +17,7 @@ __all__ = ["comparison", "comparison_charts", "matched", "with_changes"]
 
 _MOST = 200  # rows listed of each sort
 _DOTS = 2000
-_BOX: dict[str, Any] = {"width": 300.0, "height": 286.0, "left": 50.0, "bottom": 242.0, "right": 286.0}
+_BOX: dict[str, Any] = {"width": 316.0, "height": 286.0, "left": 66.0, "bottom": 242.0, "right": 302.0}
 
 Pairs = NDArray[np.int64]
 
