@@ -263,6 +263,24 @@ def test_what_is_short_or_quiet_says_nothing(monkeypatch):
     assert stream.getvalue() == ""
 
 
+def test_a_stage_of_a_command_that_has_taken_long_is_named_at_once(monkeypatch):
+    """Several short stages one after another: the command is not silent for their sum."""
+    stream, clock = Terminal(), [0.0]
+    monkeypatch.setattr(stages_module.sys, "stderr", stream)
+    monkeypatch.setattr(stages_module.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(stages_module, "_LEAST", 0.01)
+    stage = stages(quiet=False, first=30.0)
+    with stage("one"):
+        clock[0] = 31.0
+    assert stream.getvalue() == ""
+    with stage("two") as rename:
+        monkeypatch.undo()
+        monkeypatch.setattr(stages_module.sys, "stderr", stream)
+        wait_for(stream, "voxkernel: two ... ")
+        rename("two, half done")
+        wait_for(stream, "voxkernel: two, half done ... ")
+
+
 def test_a_stage_ends_with_its_error(monkeypatch):
     stream = Terminal()
     monkeypatch.setattr(stages_module.sys, "stderr", stream)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from voxkernel.cli.argument_types import add_up
 from voxkernel.cli.output import (
@@ -23,6 +20,9 @@ from voxkernel.cli.output import (
     write_json,
 )
 
+if TYPE_CHECKING:
+    from voxkernel.guarding import GuardsProgress
+
 HELP = "few points that see all of a mesh, and star-shaped pieces"
 DESCRIPTION = (
     "Find few points that together see a share of a mesh: what fresh samples say, what is proven, and how many are\n"
@@ -36,7 +36,6 @@ EXAMPLES = (
     "voxkernel guards part.stl --outside --distance 300 --picture plan.png",
     "voxkernel guards scan.ply --coverage 0.999 --time-limit 60 -o pieces.ply",
 )
-_SECONDS = 2.0  # between two lines of progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,11 +71,12 @@ def run(args: argparse.Namespace) -> int:
 
     with args.stage(f"reading {display(args.mesh)}"):
         mesh = as_mesh(args.mesh)
-    found = guards(
-        mesh, coverage=args.coverage, max_guards=args.max_guards, bound=args.bound,
-        side="outside" if args.outside else "inside", distance=args.distance, threads=args.threads,
-        time_limit=args.time_limit, rng=args.rng, progress=None if args.quiet else _shown(),
-    )  # fmt: skip
+    with args.stage("looking for guards") as rename:
+        found = guards(
+            mesh, coverage=args.coverage, max_guards=args.max_guards, bound=args.bound,
+            side="outside" if args.outside else "inside", distance=args.distance, threads=args.threads,
+            time_limit=args.time_limit, rng=args.rng, progress=lambda state: rename(_words(state)),
+        )  # fmt: skip
     document: dict[str, Any] = {"file": args.mesh, **found.to_dict()}
     cover = None
     if output is not None:
@@ -138,15 +138,6 @@ def _rows(path: str, found: Any, cover: Any) -> dict[str, str]:
     return rows
 
 
-def _shown() -> Callable[[Any], None] | None:
-    """Print a line now and then, on a terminal only."""
-    if not sys.stderr.isatty():
-        return None
-    last = [time.monotonic()]
-
-    def show(state: Any) -> None:
-        if time.monotonic() - last[0] >= _SECONDS:
-            last[0] = time.monotonic()
-            say(str(state), quiet=False)
-
-    return show
+def _words(state: GuardsProgress) -> str:
+    doing = {"search": "looking for guards", "confirm": "casting rays", "certify": "certifying", "bound": "bounding"}
+    return f"{doing[state.stage]}: {state.n_guards} see {100.0 * state.seen:.2f} %"

@@ -1,4 +1,4 @@
-"""What a command is doing, on stderr, once that takes longer than two seconds."""
+"""What a command is doing, on stderr, once it has taken longer than two seconds."""
 
 from __future__ import annotations
 
@@ -10,29 +10,38 @@ from contextlib import AbstractContextManager, contextmanager
 
 __all__ = ["Stage", "stages"]
 
-Stage = Callable[[str], AbstractContextManager[None]]
+Stage = Callable[[str], AbstractContextManager[Callable[[str], None]]]
 
-_FIRST = 2.0  # seconds until a stage is named on a terminal
+_FIRST = 2.0  # seconds of a command until its stages are named on a terminal
+_LEAST = 0.3  # seconds that a stage lasts which is named after that
 _PLAIN = 10.0  # and between lines elsewhere
 _ERASE = "\r\x1b[K"
 
 
 def stages(*, quiet: bool, first: float = _FIRST, plain: float = _PLAIN) -> Stage:
-    """Give `stage`: ``with stage("reading mesh.ply"): ...`` names what goes on if that lasts.
+    """Give `stage`: ``with stage("reading mesh.ply") as rename: ...`` names what goes on if the command lasts.
 
-    On a terminal one line is written over every second and gone at the end; elsewhere a line comes every ten seconds.
+    On a terminal one line is written over every second and gone at the end; elsewhere a line comes every ten seconds of
+    a stage. `rename` gives the stage another name.
     """
     if quiet:
         return _silent
-    wait, again = (first, min(1.0, first)) if sys.stderr.isatty() else (plain, plain)
+    began, on_terminal = time.monotonic(), sys.stderr.isatty()
 
     @contextmanager
-    def stage(name: str) -> Generator[None]:
-        done = threading.Event()
-        thread = threading.Thread(target=_tell, args=(name, done, wait, again), daemon=True)
+    def stage(name: str) -> Generator[Callable[[str], None]]:
+        wait, again = plain, plain
+        if on_terminal:
+            wait, again = max(first - (time.monotonic() - began), min(_LEAST, first)), min(1.0, first)
+        done, names = threading.Event(), [name]
+        thread = threading.Thread(target=_tell, args=(names, done, wait, again), daemon=True)
         thread.start()
+
+        def rename(other: str) -> None:
+            names[0] = other
+
         try:
-            yield
+            yield rename
         finally:
             done.set()
             thread.join()
@@ -41,16 +50,18 @@ def stages(*, quiet: bool, first: float = _FIRST, plain: float = _PLAIN) -> Stag
 
 
 @contextmanager
-def _silent(name: str) -> Generator[None]:
-    yield
+def _silent(name: str) -> Generator[Callable[[str], None]]:
+    def rename(other: str) -> None: ...
+
+    yield rename
 
 
-def _tell(name: str, done: threading.Event, wait: float, again: float) -> None:
-    """Name the stage and the seconds it has taken until it is done."""
+def _tell(names: list[str], done: threading.Event, wait: float, again: float) -> None:
+    """Say the name of the stage and the seconds it has taken until it is done."""
     started, on_terminal, said = time.monotonic(), sys.stderr.isatty(), False
     while not done.wait(again if said else wait):
         said = True
-        text = f"voxkernel: {name} ... {time.monotonic() - started:.0f} s"
+        text = f"voxkernel: {names[0]} ... {time.monotonic() - started:.0f} s"
         sys.stderr.write(_ERASE + text if on_terminal else text + "\n")
         sys.stderr.flush()
     if said and on_terminal:
