@@ -109,6 +109,21 @@ def test_images_of_folders_are_taken_when_asked_for(tmp_path):
     assert len(content_hash(Item("a", f"{tmp_path}/a.npy::x"))) == 64
 
 
+def test_the_command_says_how_images_are_taken(tmp_path, capsys):
+    (tmp_path / "in").mkdir()
+    voxkernel.as_mesh(shapes.cube()).write(tmp_path / "in" / "cube.ply")
+    (tmp_path / "in" / "notes.txt").write_text("x")
+    words = ["evaluate", str(tmp_path / "in"), "-o", str(tmp_path / "run"), "--workers", "1", "--no-thumbnails"]
+    hint = "voxkernel: --label-images takes label images of folders and globs, too\n"
+    assert main(words) == 0
+    assert hint not in capsys.readouterr().err
+    np.save(tmp_path / "in" / "a.npy", scene())
+    assert main(words) == 0
+    said = capsys.readouterr()
+    assert hint in said.err
+    assert "2 files left out by suffix: 1 .npy, 1 .txt" in said.out
+
+
 def test_command(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.save("scene.npy", scene())

@@ -83,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import evaluate
     from voxkernel.evaluation.inputs import BadInput
+    from voxkernel.labels.image_files import is_label_file
     from voxkernel.report.text import left_out_text
 
     settings = _settings(args)
@@ -99,6 +100,8 @@ def run(args: argparse.Namespace) -> int:
     counts = f"{result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}"
     left_out = left_out_text(result.left_out)
     print(f"{display(args.output)}: {counts}{'; ' if left_out else ''}{left_out}")
+    if not args.label_images and any(is_label_file(f"x{suffix}") for suffix, _ in result.left_out):
+        say("--label-images takes label images of folders and globs, too", quiet=args.quiet)
     return 1 if result.n_failed else 0
 
 
