@@ -19,4 +19,4 @@ found = {
 graph = bpy.context.evaluated_depsgraph_get()
 corners = [list(corner) for corner in volume.evaluated_get(graph).bound_box]
 print()
-print(json.dumps({"grids": found, "corners": corners, "error": grids.error_message}))
+print(json.dumps({"version": bpy.app.version, "grids": found, "corners": corners, "error": grids.error_message}))

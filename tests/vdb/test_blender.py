@@ -52,8 +52,11 @@ def test_blender_finds_box_and_transform(blender, tmp_path):
     ours[:3, :3] = grid.linear
     ours[:3, 3] = grid.origin + grid.linear @ [0.5, 0.5, 0.5]
     np.testing.assert_allclose(density["transform"], ours, rtol=1e-6)  # Blender keeps float32
-    # The box of the object is that of the leaves of 8 voxels which hold the active ones.
+    # The box of the object is that of the leaves of 8 voxels which hold the active ones; before Blender 5 it ran from
+    # centre to centre of the outer ones.
+    inset = 0.0 if seen["version"] >= [5, 0, 0] else 0.5
     low, high = np.array(grid.active_bbox)
+    low, high = low // 8 * 8 + inset, high // 8 * 8 + 8 - inset
     corners = np.array(seen["corners"])
-    np.testing.assert_allclose(corners.min(axis=0), grid.origin + grid.linear @ (low // 8 * 8), atol=1e-5)
-    np.testing.assert_allclose(corners.max(axis=0), grid.origin + grid.linear @ (high // 8 * 8 + 8), atol=1e-5)
+    np.testing.assert_allclose(corners.min(axis=0), grid.origin + grid.linear @ low, atol=1e-5)
+    np.testing.assert_allclose(corners.max(axis=0), grid.origin + grid.linear @ high, atol=1e-5)
