@@ -8,20 +8,12 @@ from typing import TypeVar
 
 from voxkernel._core import StopFlag
 
-__all__ = ["run_parts", "stretches"]
+__all__ = ["run_parts"]
 
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 # Only the main thread of Python hears signals, and on some systems only between two waits.
 _PAUSE = 0.05
-# Rows of an array that are worth a thread of their own.
-_FEWEST = 1 << 14
-
-
-def stretches(n: int, threads: int) -> list[slice]:
-    """Cut rows 0 .. n into at most `threads` stretches, fewer where they would be short."""
-    step = max(_FEWEST, -(-n // threads))
-    return [slice(first, min(n, first + step)) for first in range(0, n, step)] or [slice(0, 0)]
 
 
 def run_parts(work: Callable[[Part, StopFlag], Result], parts: Sequence[Part], threads: int) -> list[Result]:

@@ -47,6 +47,20 @@ def test_reach_leaves_out_nothing_within_rounding():
     assert rows.tolist() == [0, 1]
 
 
+def test_sums_do_not_depend_on_threads():
+    vertices, faces = shapes.ellipsoid(subdivisions=5)  # five blocks of facets
+    start, ring = np.arange(0, 3 * len(faces) + 1, 3), faces.ravel().astype(np.int32)
+    volume, first, second, area = moments(vertices, start, ring)
+    assert volume == pytest.approx(8 * np.pi, rel=1e-2)
+    angle = solid_angle(vertices, ring)
+    assert angle == pytest.approx(4 * np.pi)
+    for threads in (2, 3, 9):
+        again = moments(vertices, start, ring, threads)
+        assert (again[0], again[3], solid_angle(vertices, ring, threads)) == (volume, area, angle)
+        assert np.array_equal(again[1], first)
+        assert np.array_equal(again[2], second)
+
+
 def test_solid_angle_of_closed_and_open_surfaces():
     vertices, faces = shapes.spiky()
     ring = faces.ravel().astype(np.int32)

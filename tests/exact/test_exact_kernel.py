@@ -4,6 +4,7 @@ import dataclasses
 from fractions import Fraction
 
 import numpy as np
+import oracle
 import pytest
 import shapes
 from scipy.optimize import linprog
@@ -265,6 +266,31 @@ def test_ids_have_64_bits_and_are_made_once(make):
     assert kernel.face_vertices is kernel.face_vertices
     assert kernel.vertex_rows is kernel.vertex_rows
     assert kernel.vertex_rows.shape == ((len(kernel.vertices) if kernel.dimension == 3 else 0), 3)
+
+
+def torus_around_a_point():
+    """Two octahedra, edges halved and corners on spheres, cut open along two edges and joined crosswise there."""
+    vertices, faces = shapes.subdivided(*shapes.octahedron())
+    vertices = vertices / np.linalg.norm(vertices, axis=1)[:, None]
+    slits = np.array([[1, 1, 0], [-1, -1, 0]]) / np.sqrt(2)
+    is_end = (np.abs(vertices).max(axis=1) == 1) & (vertices[:, 2] == 0)
+    on_slit = (np.abs(vertices[:, None] - slits).max(axis=2) < 1e-9).any(axis=1)
+    is_below = vertices[faces].sum(axis=1)[:, 2] < 0
+    sheets = [np.where((on_slit[faces] & is_below[:, None]) != sheet, len(vertices), 0) for sheet in (False, True)]
+    return np.concatenate([vertices, 1.1 * vertices]), np.concatenate([faces + ~is_end[faces] * s for s in sheets])
+
+
+def test_counts_of_vertices_edges_and_faces_decide_nothing():
+    """A torus goes round a point twice, through itself, and every facet of it faces that point."""
+    surface = torus_around_a_point()
+    facts = voxkernel.as_mesh(surface).facts()
+    assert (facts.genus, facts.n_components, facts.is_closed) == (1, 1, True)
+    kernel, truth = voxkernel.exact_kernel(surface), oracle.mesh_kernel(*surface)
+    assert kernel.dimension == truth.dimension == 3
+    assert kernel.certificate.verify()
+    assert set(kernel.exact_vertices()) == set(truth.vertices)
+    assert kernel.volume == pytest.approx(float(truth.volume), rel=1e-12)
+    assert kernel.volume > 2.9
 
 
 def test_result_is_frozen_and_plain():

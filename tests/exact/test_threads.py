@@ -46,6 +46,23 @@ def bumpy_surface(n, seed):
     )
 
 
+def convex_surface(n, seed):
+    """An ellipsoid, whose facets all bound the kernel, in any order."""
+    vertices, faces = shapes.ellipsoid(subdivisions=5 + n // 50_000)
+    return HalfSpaces.from_mesh(voxkernel.as_mesh(shapes.shuffled(vertices, faces, np.random.default_rng(seed))))
+
+
+def flat_sides(n, seed):
+    """A cube of many facets in six planes, in any order."""
+    vertices, faces = shapes.cube()
+    while len(faces) < n // 2:
+        vertices, faces = shapes.subdivided(vertices, faces)
+    return HalfSpaces.from_mesh(voxkernel.as_mesh(shapes.shuffled(vertices, faces, np.random.default_rng(seed))))
+
+
+MAKERS = [around_a_ball, corners_of_a_cube, twins, bumpy_surface, convex_surface, flat_sides]
+
+
 def assert_equal(one, other):
     for field in dataclasses.fields(one):
         a, b = getattr(one, field.name), getattr(other, field.name)
@@ -57,19 +74,18 @@ def assert_equal(one, other):
     assert one.unclipped_certificate.to_dict() == other.unclipped_certificate.to_dict()
 
 
-@pytest.mark.parametrize("make", [around_a_ball, corners_of_a_cube, twins, bumpy_surface])
+@pytest.mark.parametrize("make", MAKERS)
 def test_any_number_of_threads_gives_the_same(make):
     planes = make(24_000, 1)
     one = kernel_of_halfspaces(planes, None)
-    assert len(one.face_facets) == {"around_a_ball": 24_000, "corners_of_a_cube": 6, "twins": 8_000}.get(
-        make.__name__, len(one.face_facets)
-    )
+    known = {"around_a_ball": 24_000, "corners_of_a_cube": 6, "twins": 8_000, "convex_surface": 20_480, "flat_sides": 6}
+    assert len(one.face_facets) == known.get(make.__name__, len(one.face_facets))
     for threads in (2, 5):
         assert_equal(one, kernel_of_halfspaces(planes, None, threads=threads))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [around_a_ball, corners_of_a_cube, twins, bumpy_surface])
+@pytest.mark.parametrize("make", MAKERS)
 @pytest.mark.parametrize("seed", range(3))
 def test_large_kernels_on_several_threads(make, seed):
     planes = make(300_000, seed)

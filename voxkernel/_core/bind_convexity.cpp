@@ -19,12 +19,24 @@ void bind_convexity(nb::module_& m) {
       "Test every edge between two facets: 2 all strictly convex, 1 some flat, 0 some concave or without two faces, "
       "or less than `least`.");
   m.def(
-      "triangles_at_vertices",
-      [](Array1<const std::int32_t> ring, Index n_vertices) {
-        return to_read_only_rows<3>(
-            without_lock([&](Stop& stop) { return triangles_at_vertices(span(ring), n_vertices, stop); }));
+      "used_vertices",
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces, Array<const double, 3> origin, double scale,
+         Array<const double, 3> point, int threads) {
+        UsedVertices found = without_lock([&](Stop& stop) {
+          return used_vertices(rows(vertices), rows(faces), origin.data(), scale, point.data(), threads, stop);
+        });
+        return std::make_tuple(to_rows<3>(std::move(found.vertices)), to_read_only(std::move(found.ring)));
       },
-      array("ring"), nb::arg("n_vertices"), "The first, a middle and the last triangle at each vertex.");
+      array("vertices"), array("faces"), array("origin"), nb::arg("scale"), array("point"), nb::arg("threads") = 1,
+      "Vertices in use as (vertex - origin) / scale - point, and the corners of faces as numbers of them.");
+  m.def(
+      "triangles_at_vertices",
+      [](Array1<const std::int32_t> ring, Index n_vertices, int threads) {
+        return to_read_only_rows<3>(
+            without_lock([&](Stop& stop) { return triangles_at_vertices(span(ring), n_vertices, threads, stop); }));
+      },
+      array("ring"), nb::arg("n_vertices"), nb::arg("threads") = 1,
+      "The first, a middle and the last triangle at each vertex.");
   m.def(
       "coplanar_groups",
       [](Array2<const double, 3> normals, Array2<const double, 3> vertices, Array2<const Index, 3> corners,

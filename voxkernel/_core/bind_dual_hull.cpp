@@ -37,13 +37,13 @@ void bind_dual_hull(nb::module_& m) {
       "solid_measures",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array<const double, 3> center,
          Array2<double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring,
-         Array1<const std::int32_t> rows_, double proven, Array<const double, 3> origin, double scale) {
+         Array1<const std::int32_t> rows_, double proven, Array<const double, 3> origin, double scale, int threads) {
         const auto to_world = [&](double* points, Index n) {
           for (Index i = 0; i < 3 * n; ++i) points[i] = (center(i % 3) + points[i]) * scale + origin(i % 3);
         };
         SolidMeasures found = without_lock([&](Stop& stop) {
           SolidMeasures local = solid_measures(rows(normals), span(offsets), center.data(), rows(vertices), span(start),
-                                               span(ring), span(rows_), stop);
+                                               span(ring), span(rows_), threads, stop);
           to_world(vertices.data(), rows(vertices).size());
           return local;
         });
@@ -60,7 +60,7 @@ void bind_dual_hull(nb::module_& m) {
                                to_read_only_rows<3>(std::vector<double>(found.inertia, found.inertia + 9)));
       },
       array("normals"), array("offsets"), array("center"), array("vertices"), array("start"), array("ring"),
-      array("rows"), nb::arg("proven"), array("origin"), nb::arg("scale"),
+      array("rows"), nb::arg("proven"), array("origin"), nb::arg("scale"), nb::arg("threads") = 1,
       "Of a convex polyhedron about `center`, which is `proven` deep: extent, volume, area, and radius of a largest "
       "ball in it, in local units; in the world its centroid, the centre of that ball and the second central moment. "
       "Moves the vertices to the world.");

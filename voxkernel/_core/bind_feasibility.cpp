@@ -15,11 +15,11 @@ auto to_tuple(DeepPoint&& found) {
 void bind_feasibility(nb::module_& m) {
   m.def(
       "find_deep_point",
-      [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors) {
+      [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors, int threads) {
         return to_tuple(without_lock(
-            [&](Stop& stop) { return find_deep_point(rows(normals), span(offsets), span(errors), stop); }));
+            [&](Stop& stop) { return find_deep_point(rows(normals), span(offsets), span(errors), threads, stop); }));
       },
-      array("normals"), array("offsets"), array("errors"),
+      array("normals"), array("offsets"), array("errors"), nb::arg("threads") = 1,
       "Look for a deep point on a growing working set: (rows, opposing, gap, depth, point, nearest, passes).");
   nb::class_<DeepPointSearch>(m, "DeepPointSearch",
                               "The steps of `find_deep_point`, for half-spaces that are gone over elsewhere.")

@@ -23,15 +23,16 @@ void bind_linear_program(nb::module_& m) {
   m.def(
       "tightest_by_direction",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors,
-         Array<const double, 3> point, double limit, Array<Index, kBins> ids, Array<double, kBins> slacks) {
+         Array<const double, 3> point, double limit, Array<Index, kBins> ids, Array<double, kBins> slacks,
+         int threads) {
         const Tightest found = without_lock([&](Stop& stop) {
           return tightest_by_direction(rows(normals), span(offsets), span(errors), point.data(), limit, span(ids),
-                                       span(slacks), stop);
+                                       span(slacks), threads, stop);
         });
         return std::make_tuple(found.smallest, found.certain, found.where);
       },
       array("normals"), array("offsets"), array("errors"), array("point"), nb::arg("limit"), array("ids"),
-      array("slacks"),
+      array("slacks"), nb::arg("threads") = 1,
       "One pass: smallest slack, smallest certain slack, its plane; fill the tightest plane of each direction bin.");
   m.def(
       "plane_signs",

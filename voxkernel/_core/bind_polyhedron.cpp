@@ -7,21 +7,22 @@ namespace voxkernel {
 void bind_polyhedron(nb::module_& m) {
   m.def(
       "moments",
-      [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring) {
+      [](Array2<const double, 3> vertices, Array1<const Index> start, Array1<const std::int32_t> ring, int threads) {
         const Moments found =
-            without_lock([&](Stop& stop) { return moments(rows(vertices), span(start), span(ring), stop); });
+            without_lock([&](Stop& stop) { return moments(rows(vertices), span(start), span(ring), threads, stop); });
         return std::make_tuple(found.volume, to_array(std::vector<double>(found.first, found.first + 3)),
                                to_rows<3>(std::vector<double>(&found.second[0][0], &found.second[0][0] + 9)),
                                found.area);
       },
-      array("vertices"), array("start"), array("ring"),
+      array("vertices"), array("start"), array("ring"), nb::arg("threads") = 1,
       "Volume, first and second moments about the origin, area, of polygons seen from the origin inside.");
   m.def(
       "solid_angle",
-      [](Array2<const double, 3> vertices, Array1<const std::int32_t> ring) {
-        return without_lock([&](Stop& stop) { return solid_angle(rows(vertices), span(ring), stop); });
+      [](Array2<const double, 3> vertices, Array1<const std::int32_t> ring, int threads) {
+        return without_lock([&](Stop& stop) { return solid_angle(rows(vertices), span(ring), threads, stop); });
       },
-      array("vertices"), array("ring"), "Signed solid angle of triangles seen from the origin.");
+      array("vertices"), array("ring"), nb::arg("threads") = 1,
+      "Signed solid angle of triangles seen from the origin.");
   m.def(
       "planes_reaching",
       [](Array2<const double, 3> normals, Array1<const double> offsets, Array1<const double> errors,

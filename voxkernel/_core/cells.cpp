@@ -250,7 +250,7 @@ double CellSolver::hull_volume(const double* center, double depth) const {
   if (!hull.is_inside || !hull.is_closed) return -1.0;
   const Points vertices{hull.vertices.data(), static_cast<Index>(hull.vertices.size() / 3)};
   const SolidMeasures found =
-      solid_measures(local.normals, local.offsets, center, vertices, hull.start, hull.ring, hull.rows, stop_);
+      solid_measures(local.normals, local.offsets, center, vertices, hull.start, hull.ring, hull.rows, 1, stop_);
   const double clearance = std::max(depth, found.clearance), slenderness = found.extent / clearance;
   const double rounding = 8.0 * hull.vertex_error / clearance + kUnitRoundoff * slenderness * slenderness + 1e-14;
   return clearance < kThin * found.extent || rounding > kRounding ? -1.0 : found.volume;

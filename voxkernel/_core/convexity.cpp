@@ -80,7 +80,7 @@ int edge_convexity_with(const Surface& surface, int least, int threads, Stop& st
     for (int k = 0; k < 3; ++k) ++end[lower(f, k) + 1];
   });
   for (Index v = 0; v < n_vertices; ++v) end[v + 1] += end[v];
-  Brief<HalfEdge<Small>> edges(3 * faces.size());
+  BriefArray<HalfEdge<Small>> edges(static_cast<std::size_t>(3) * faces.size());
   // The least answer of all vertices; 0 ends the others.
   std::atomic<int> answer{2};
   run_stretches(n_vertices, kLeast, threads, stop, [&](Index begin, Index finish, Stop& own) {
@@ -91,13 +91,13 @@ int edge_convexity_with(const Surface& surface, int least, int threads, Stop& st
         const Index v = lower(f, k);
         if (v < begin || v >= finish) continue;
         const Index larger = std::max(faces(f, k), next_corner(faces[f], k));
-        edges[end[v]++] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
+        edges[static_cast<Index>(end[v]++)] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
       }
     });
     for (Index v = begin; v < finish && answer.load(std::memory_order_relaxed) > 0; ++v) {
       const Index last = static_cast<Index>(end[v]);
       own.poll(1 + last - first);
-      const int worst = edges_of_vertex(surface, edges.data() + first, last - first);
+      const int worst = edges_of_vertex(surface, edges.get() + first, last - first);
       int before = answer.load(std::memory_order_relaxed);
       const int now = worst < least ? 0 : worst;
       while (now < before && !answer.compare_exchange_weak(before, now)) {
@@ -121,19 +121,55 @@ int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triang
                   : edge_convexity_with<std::uint64_t>(surface, least, threads, stop);
 }
 
-std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, Stop& stop) {
+UsedVertices used_vertices(Points vertices, Triangles faces, const double* origin, double scale, const double* point,
+                           int threads, Stop& stop) {
+  Brief<std::int32_t> number(vertices.size(), -1);
+  for_each(faces.size(), 1, stop, [&](Index f) {
+    for (int k = 0; k < 3; ++k) number[faces(f, k)] = 0;
+  });
+  std::int32_t count = 0;
+  for (std::int32_t& one : number) {
+    if (one == 0) one = count++;
+  }
+  UsedVertices found;
+  found.vertices.resize(static_cast<std::size_t>(3) * count);
+  run_stretches(vertices.size(), kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    own.poll(last - first);
+    for (Index v = first; v < last; ++v) {
+      if (number[v] < 0) continue;
+      double* moved = &found.vertices[3 * static_cast<Index>(number[v])];
+      for (int k = 0; k < 3; ++k) moved[k] = (vertices(v, k) - origin[k]) / scale - point[k];
+    }
+  });
+  found.ring.resize(static_cast<std::size_t>(3) * faces.size());
+  run_stretches(faces.size(), kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    own.poll(last - first);
+    for (Index f = first; f < last; ++f) {
+      for (int k = 0; k < 3; ++k) found.ring[3 * f + k] = number[faces(f, k)];
+    }
+  });
+  return found;
+}
+
+std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop) {
   Brief<std::int32_t> count(n, 0), seen(n, 0);
   std::vector<std::int32_t> found(3 * n);
-  for (const std::int32_t v : ring) ++count[v];
-  for (Index i = 0; i < ring.size(); ++i) {
-    stop.poll();
-    const Index v = ring[i];
-    const auto triangle = static_cast<std::int32_t>(i / 3);
-    const std::int32_t place = seen[v]++;
-    if (place == 0) found[3 * v] = triangle;
-    if (place == count[v] / 2) found[3 * v + 1] = triangle;
-    if (place == count[v] - 1) found[3 * v + 2] = triangle;
-  }
+  run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    own.poll(ring.size());
+    for (const std::int32_t v : ring) {
+      if (v >= first && v < last) ++count[v];
+    }
+    for (Index i = 0; i < ring.size(); ++i) {
+      own.poll();
+      const Index v = ring[i];
+      if (v < first || v >= last) continue;
+      const auto triangle = static_cast<std::int32_t>(i / 3);
+      const std::int32_t place = seen[v]++;
+      if (place == 0) found[3 * v] = triangle;
+      if (place == count[v] / 2) found[3 * v + 1] = triangle;
+      if (place == count[v] - 1) found[3 * v + 2] = triangle;
+    }
+  });
   return found;
 }
 

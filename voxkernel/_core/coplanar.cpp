@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -18,6 +19,7 @@ namespace {
 constexpr Index kBlock = 256;
 constexpr Index kMany = 1 << 16;                   // keys that are held at a time
 constexpr Index kLeast = 1 << 13;                  // half-spaces that are worth a thread
+constexpr Index kMostParts = 8;                    // of the heads, each with a note for every vertex
 constexpr std::uint64_t kOdd = ~std::uint64_t{0};  // of planes whose numbers are all 0 modulo the prime
 
 using Plane = std::array<Residue, 4>;
@@ -27,21 +29,27 @@ bool is_within_range(double value) {
   return size == 0.0 || (size >= 0x1p-300 && size <= 0x1p300);
 }
 
-// Whether the exact predicates cover all numbers in use.
-bool within_range(const InputPlanes& sources) {
-  for (Index i = 0; i < sources.corners.size(); ++i) {
-    const Index* ids = sources.corners[i];
-    if (ids[0] < 0) {
-      const double* plane = sources.explicit_planes[-1 - ids[0]];
-      if (!std::all_of(plane, plane + 4, is_within_range)) return false;
-      continue;
-    }
-    for (int k = 0; k < 3; ++k) {
-      const double* p = sources.vertices[ids[k]];
-      if (!std::all_of(p, p + 3, is_within_range)) return false;
-    }
+// Whether the exact predicates cover all numbers of a half-space.
+bool is_within_range(const InputPlanes& sources, const Index* ids) {
+  if (ids[0] < 0) {
+    const double* plane = sources.explicit_planes[-1 - ids[0]];
+    return std::all_of(plane, plane + 4, [](double value) { return is_within_range(value); });
   }
-  return true;
+  return std::all_of(ids, ids + 3, [&](Index v) {
+    const double* p = sources.vertices[v];
+    return is_within_range(p[0]) && is_within_range(p[1]) && is_within_range(p[2]);
+  });
+}
+
+bool are_within_range(const InputPlanes& sources, int threads, Stop& stop) {
+  std::atomic<bool> found{true};
+  run_stretches(sources.corners.size(), kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    for (Index i = first; i < last && found.load(std::memory_order_relaxed); ++i) {
+      own.poll();
+      if (!is_within_range(sources, sources.corners[i])) found = false;
+    }
+  });
+  return found;
 }
 
 // (a, b, c, d) of the plane a x + b y + c z = d, modulo the prime.
@@ -135,12 +143,12 @@ class Heads {
     return i;
   }
 
-  // The same without a key: all heads are tried.
-  Index head_of_odd(Index i) {
+  // The same without a key: all heads are tried; -1 where there is none.
+  Index find(Index i) {
     for (const Slot& slot : slots_) {
       if (slot.head >= 0 && are_one(slot.head, i)) return slot.head;
     }
-    return head_of(kOdd, i);
+    return -1;
   }
 
  private:
@@ -210,8 +218,10 @@ std::vector<Index> coplanar_groups(Points normals, const InputPlanes& sources, i
   if (n > std::numeric_limits<std::int32_t>::max()) throw std::length_error("too many half-spaces to be grouped");
   std::vector<Index> groups(n);
   for (Index i = 0; i < n; ++i) groups[i] = i;
-  if (!within_range(sources)) return groups;
-  Heads heads(normals, sources);
+  if (!are_within_range(sources, threads, stop)) return groups;
+  // Each thread has a part of the keys, and the heads of those.
+  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min({Index{threads}, n / kLeast, kMostParts})));
+  std::vector<Heads> heads(n_parts, Heads(normals, sources));
   std::vector<std::uint64_t> keys(std::min(n, kMany));
   std::vector<Index> odd;
   for (Index first = 0; first < n; first += kMany) {
@@ -223,19 +233,25 @@ std::vector<Index> coplanar_groups(Points normals, const InputPlanes& sources, i
         fill_keys(sources, first + i, first + next, &keys[i]);
       }
     });
-    for (Index i = first; i < last; ++i) {
-      if (keys[i - first] == kOdd) {
-        odd.push_back(i);
-      } else {
-        groups[i] = heads.head_of(keys[i - first], i);
+    run_parts(n_parts, stop, [&](int part, Stop& own) {
+      for (Index i = first; i < last; ++i) {
+        const std::uint64_t key = keys[i - first];
+        own.poll();
+        if (key == kOdd) {
+          if (part == 0) odd.push_back(i);
+        } else if (static_cast<int>((key >> 32) * n_parts >> 32) == part) {
+          own.poll(7);
+          groups[i] = heads[part].head_of(key, i);
+        }
       }
-    }
-    stop.poll(8 * (last - first));
+    });
   }
   if (odd.empty()) return groups;
   for (const Index i : odd) {
     stop.poll(n);
-    groups[i] = heads.head_of_odd(i);
+    Index head = -1;
+    for (Heads& part : heads) head = head < 0 ? part.find(i) : head;
+    groups[i] = head < 0 ? heads[0].head_of(kOdd, i) : head;
   }
   // Those came last, but may be the first of their group.
   std::vector<Index> least(n, n);
@@ -251,10 +267,13 @@ std::vector<Index> first_of_planes(Points normals, const InputPlanes& sources, I
   } else {
     Brief<double> some_normals(static_cast<std::size_t>(3) * rows.size());
     Brief<Index> some_corners(static_cast<std::size_t>(3) * rows.size());
-    for (Index i = 0; i < rows.size(); ++i) {
-      std::copy_n(normals[rows[i]], 3, some_normals.data() + 3 * i);
-      std::copy_n(sources.corners[rows[i]], 3, some_corners.data() + 3 * i);
-    }
+    run_stretches(rows.size(), kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+      own.poll(last - first);
+      for (Index i = first; i < last; ++i) {
+        std::copy_n(normals[rows[i]], 3, some_normals.data() + 3 * i);
+        std::copy_n(sources.corners[rows[i]], 3, some_corners.data() + 3 * i);
+      }
+    });
     InputPlanes some = sources;
     some.corners = {some_corners.data(), rows.size()};
     groups = coplanar_groups({some_normals.data(), rows.size()}, some, threads, stop);

@@ -39,15 +39,9 @@ struct Polygons {
 
 class PolytopeReader {
  public:
-  PolytopeReader(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& duals,
-                 Triangulation& hull, std::vector<Inserter>& inserters, Stop& stop)
-      : planes_(planes),
-        source_(source),
-        cube_exponent_(cube_exponent),
-        duals_(duals),
-        hull_(hull),
-        inserters_(inserters),
-        stop_(stop) {}
+  PolytopeReader(const LocalPlanes& planes, const PlaneLattice& lattice, DualPoints& duals, Triangulation& hull,
+                 std::vector<Inserter>& inserters, Stop& stop)
+      : planes_(planes), lattice_(lattice), duals_(duals), hull_(hull), inserters_(inserters), stop_(stop) {}
 
   HullPolytope read() {
     HullPolytope found;
@@ -231,7 +225,7 @@ class PolytopeReader {
     });
     forget(fill);
     each_part(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
-      PointMaker maker(planes_, source_, duals_, cube_exponent_);
+      PointMaker maker(planes_, duals_, lattice_);
       for (Place v = begin; v < end; ++v) {
         own.poll(4);
         if (is_shared_[v] == 0) continue;
@@ -284,18 +278,11 @@ class PolytopeReader {
   // Faces in the order of their rows, vertices numbered by their first appearance, polygons turned to the vertex of the
   // lowest rows. Three places of a vertex stand where its rows will.
   void write(HullPolytope& found) {
-    Brief<Face> faces;
-    {
-      std::size_t count = 0;
-      for (const Polygons& part : parts_) count += part.face.size();
-      faces.reserve(count);
-    }
-    each_polygon([&](Place face, const Place* ring, Place size) { faces.push_back({row_of(face), size, ring, 0}); });
+    Brief<Face> faces = sorted_faces();
     for (Polygons& part : parts_) {
       forget(part.face);
       forget(part.size);
     }
-    std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) { return a.row < b.row; });
     const auto n_faces = static_cast<Place>(faces.size());
     each_part(n_faces, [&](Place first, Place last, int, Stop& own) {
       for (Place f = first; f < last; ++f) {
@@ -332,14 +319,38 @@ class PolytopeReader {
     forget(faces);
     forget(parts_);
     found.vertex_rows.resize(static_cast<std::size_t>(3) * count);
-    for (Place v = 0; v < n_vertices_; ++v) {
-      stop_.poll();
-      if (renamed[v] < 0) continue;
-      for (int k = 0; k < 3; ++k) found.vertex_rows[3 * static_cast<Index>(renamed[v]) + k] = corners_[v][k];
-    }
+    each_part(n_vertices_, [&](Place first, Place last, int, Stop& own) {
+      for (Place v = first; v < last; ++v) {
+        own.poll();
+        if (renamed[v] < 0) continue;
+        for (int k = 0; k < 3; ++k) found.vertex_rows[3 * static_cast<Index>(renamed[v]) + k] = corners_[v][k];
+      }
+    });
     forget(renamed);
     hull_.triangles.reset();
     find_vertices(found);
+  }
+
+  // Polygons in the order of their rows, which are different. Where they are many, each goes straight to its place.
+  Brief<Face> sorted_faces() const {
+    std::size_t count = 0;
+    for (const Polygons& part : parts_) count += part.face.size();
+    const auto made = [&](Place face, const Place* ring, Place size) { return Face{row_of(face), size, ring, 0}; };
+    Brief<Face> faces;
+    const Index n_rows = planes_.offsets.size();
+    if (static_cast<Index>(count) < n_rows / 8) {
+      faces.reserve(count);
+      each_polygon([&](Place face, const Place* ring, Place size) { faces.push_back(made(face, ring, size)); });
+      std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) { return a.row < b.row; });
+      return faces;
+    }
+    Brief<Place> rank(n_rows + 1, 0);
+    each_polygon([&](Place face, const Place*, Place) { rank[row_of(face) + 1] = 1; });
+    for (Index row = 0; row < n_rows; ++row) rank[row + 1] += rank[row];
+    faces.resize(count);
+    each_polygon(
+        [&](Place face, const Place* ring, Place size) { faces[rank[row_of(face)]] = made(face, ring, size); });
+    return faces;
   }
 
   bool is_lower(Place v, Place w) const {
@@ -355,7 +366,7 @@ class PolytopeReader {
     found.vertices.resize(found.vertex_rows.size());
     std::vector<double> errors(threads(), 0.0);
     each_part(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
-      CommonPoints points(source_, duals_.rows);
+      CommonPoints points(lattice_.source, duals_.rows);
       for (Place v = first; v < last; ++v) {
         own.poll(4);
         Place* rows = &found.vertex_rows[3 * static_cast<Index>(v)];
@@ -376,8 +387,7 @@ class PolytopeReader {
   }
 
   const LocalPlanes& planes_;
-  const PlaneSource& source_;
-  int cube_exponent_;
+  const PlaneLattice& lattice_;
   DualPoints& duals_;
   Triangulation& hull_;
   std::vector<Inserter>& inserters_;
@@ -397,7 +407,8 @@ HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, std
   DualPoints duals;
   sort_rows(planes, rows, duals, threads, stop);
   forget(rows);
-  if (!find_points(planes, source, cube_exponent, duals, threads, stop)) {
+  const PlaneLattice lattice(source, duals.rows, cube_exponent);
+  if (!find_points(planes, lattice, duals, threads, stop)) {
     HullPolytope nothing;
     nothing.is_inside = false;
     return nothing;
@@ -405,9 +416,9 @@ HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, std
   Triangulation hull(duals, threads);
   std::vector<Inserter> inserters;
   inserters.reserve(threads);
-  for (int i = 0; i < threads; ++i) inserters.emplace_back(duals, source, cube_exponent, hull);
+  for (int i = 0; i < threads; ++i) inserters.emplace_back(duals, lattice, hull);
   insert_all(duals, inserters, stop);
-  return PolytopeReader(planes, source, cube_exponent, duals, hull, inserters, stop).read();
+  return PolytopeReader(planes, lattice, duals, hull, inserters, stop).read();
 }
 
 }  // namespace voxkernel

@@ -64,8 +64,8 @@ Triangulation::Triangulation(const DualPoints& duals, int n_inserters)
   for (std::int32_t i = 0; i < x; ++i) first_same[i] = i;
 }
 
-Inserter::Inserter(const DualPoints& duals, const PlaneSource& source, int cube_exponent, Triangulation& hull)
-    : signs(duals, source, cube_exponent), duals_(duals), hull_(hull) {}
+Inserter::Inserter(const DualPoints& duals, const PlaneLattice& lattice, Triangulation& hull)
+    : signs(duals, lattice), duals_(duals), hull_(hull) {}
 
 void Inserter::own(std::int32_t first, std::int32_t last) {
   first_ = first;
@@ -81,11 +81,27 @@ void Inserter::own(std::int32_t first, std::int32_t last) {
     has_begin_ = may_begin(i);
   }
   before_ = at_;
+  has_given_up_ = false;
+  begins_.clear();
+  if (has_begin_ && last <= duals_.size()) find_begins();
+}
+
+// A triangle at the first corner of each stretch that has one. What is own may be in pieces, to some of which no walk
+// leads.
+void Inserter::find_begins() {
+  begins_.assign(kBegins, -1);
+  for (std::int32_t i = first_; i < last_; ++i) {
+    std::int32_t& begin = begins_[stretch_of(i)];
+    const std::int32_t place = hull_.slots[i];
+    if (begin >= 0 || place < 0) continue;
+    const DualTriangle& t = hull_.triangles[place];
+    if (t.is_there() && (t.corner[0] == i || t.corner[1] == i || t.corner[2] == i)) begin = place;
+  }
 }
 
 void Inserter::begin_near(std::int32_t l, std::int32_t place) {
   const DualTriangle& t = hull_.triangles[place];
-  if (!t.is_there()) return;
+  if (!t.is_there() || !may_read(t)) return;
   const double* q = duals_.points[l].q;
   const auto along = [&](std::int32_t corner) {
     const double* p = duals_.points[corner].q;
@@ -163,6 +179,7 @@ std::int32_t Inserter::new_place() {
 bool Inserter::give_up() {
   const DualTriangle& t = hull_.triangles[before_];
   if (t.is_there() && may_read(t)) at_ = before_;
+  has_given_up_ = true;
   return false;
 }
 
@@ -170,6 +187,8 @@ bool Inserter::insert(std::int32_t l, Stop& stop) {
   stop.poll(16);
   if (!has_begin_) return false;
   DualTriangle* triangles = hull_.triangles.get();
+  if (has_given_up_ && !begins_.empty() && begins_[stretch_of(l)] >= 0) begin_near(l, begins_[stretch_of(l)]);
+  has_given_up_ = false;
   int where;
   const std::int32_t at = locate(l, &where, stop);
   if (at < 0 || (where >= 0 && !owns(triangles[at]))) return give_up();

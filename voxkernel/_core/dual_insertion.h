@@ -40,7 +40,7 @@ struct Triangulation {
 // stay as they are while they work.
 class Inserter {
  public:
-  Inserter(const DualPoints& duals, const PlaneSource& source, int cube_exponent, Triangulation& hull);
+  Inserter(const DualPoints& duals, const PlaneLattice& lattice, Triangulation& hull);
 
   // Also the sides of the cube are own where `last` is beyond them.
   void own(std::int32_t first, std::int32_t last);
@@ -55,6 +55,7 @@ class Inserter {
   std::int32_t stamp = 0;  // no mark is larger
 
  private:
+  static constexpr Index kBegins = 64;
   struct Edge {
     std::int32_t from, to, outside;
     int back;
@@ -68,6 +69,10 @@ class Inserter {
   std::int32_t locate(std::int32_t l, int* where, Stop& stop);
   std::int32_t look_everywhere(std::int32_t l, int* where, Stop& stop);
   bool give_up();
+  void find_begins();
+  std::size_t stretch_of(std::int32_t l) const {
+    return static_cast<std::size_t>(kBegins * Index{l - first_} / (last_ - first_));
+  }
   void note_same(const DualTriangle& t, std::int32_t l);
   std::int32_t new_place();
 
@@ -77,6 +82,8 @@ class Inserter {
   bool has_begin_ = false;
   std::int32_t at_ = 0;      // where the next walk begins
   std::int32_t before_ = 0;  // where one began from which another was found
+  bool has_given_up_ = false;
+  std::vector<std::int32_t> begins_;  // triangles near the points of stretches of what is own; -1 where none is known
   std::int32_t place_ = 0;
   std::int32_t chunk_ = 0, chunk_end_ = 0;
   std::uint32_t random_ = 12345;

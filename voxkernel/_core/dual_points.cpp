@@ -96,8 +96,8 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
   }
 }
 
-PointMaker::PointMaker(const LocalPlanes& planes, const PlaneSource& source, const DualPoints& duals, int cube_exponent)
-    : planes_(planes), duals_(duals), exact_(source, duals.rows, cube_exponent) {
+PointMaker::PointMaker(const LocalPlanes& planes, const DualPoints& duals, const PlaneLattice& lattice)
+    : planes_(planes), duals_(duals), exact_(lattice) {
   const double* center = planes.center;
   reach_ = std::sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) + 1.0;
 }
@@ -123,13 +123,12 @@ bool PointMaker::make(std::int32_t place, DualPoint& point) {
   return true;
 }
 
-bool find_points(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& found,
-                 int threads, Stop& stop) {
+bool find_points(const LocalPlanes& planes, const PlaneLattice& lattice, DualPoints& found, int threads, Stop& stop) {
   const Index n = found.size();
   found.points.resize(n + 6);
   std::atomic<bool> is_inside{true};
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
-    PointMaker maker(planes, source, found, cube_exponent);
+    PointMaker maker(planes, found, lattice);
     for (Index i = first; i < last; ++i) {
       own.poll(4);
       if (!maker.make(static_cast<std::int32_t>(i), found.points[i])) {
@@ -138,6 +137,7 @@ bool find_points(const LocalPlanes& planes, const PlaneSource& source, int cube_
       }
     }
   });
+  const int cube_exponent = lattice.cube_exponent;
   // Local units: the cube has half edge 2**cube_exponent in units of the world.
   const double far = planes.scale * std::ldexp(1.0, -std::min(cube_exponent, 1000));
   for (int side = 0; side < 6; ++side) {

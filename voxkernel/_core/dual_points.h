@@ -44,7 +44,7 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
 // Makes dual points, the same whenever asked. One for each thread.
 class PointMaker {
  public:
-  PointMaker(const LocalPlanes& planes, const PlaneSource& source, const DualPoints& duals, int cube_exponent);
+  PointMaker(const LocalPlanes& planes, const DualPoints& duals, const PlaneLattice& lattice);
   // False where the centre is not strictly inside the half-space of a place.
   bool make(std::int32_t place, DualPoint& point);
 
@@ -56,8 +56,7 @@ class PointMaker {
 };
 
 // False where the centre is not strictly inside all half-spaces.
-bool find_points(const LocalPlanes& planes, const PlaneSource& source, int cube_exponent, DualPoints& found,
-                 int threads, Stop& stop);
+bool find_points(const LocalPlanes& planes, const PlaneLattice& lattice, DualPoints& found, int threads, Stop& stop);
 
 // The sign of the determinant of three points, 2 where floating point cannot tell.
 int rounded_side(const DualPoint& a, const DualPoint& b, const DualPoint& c);
@@ -66,8 +65,7 @@ int rounded_side(const DualPoint& a, const DualPoint& b, const DualPoint& c);
 // from the input. One for each thread.
 class DualSigns {
  public:
-  DualSigns(const DualPoints& duals, const PlaneSource& source, int cube_exponent)
-      : exact(source, duals.rows, cube_exponent), points_(duals.points.data()) {}
+  DualSigns(const DualPoints& duals, const PlaneLattice& lattice) : exact(lattice), points_(duals.points.data()) {}
 
   // 1 if point l is beyond the plane of i, j, k, seen from the centre; 0 on it.
   int beyond(std::int32_t i, std::int32_t j, std::int32_t k, std::int32_t l);

@@ -5,26 +5,29 @@
 
 namespace voxkernel {
 
-ExactPlanes::ExactPlanes(const PlaneSource& source, Span<const std::int32_t> rows, int cube_exponent)
-    : source_(source), rows_(rows), cube_exponent_(cube_exponent) {}
-
-// The coarsest lattice that holds the centre and every corner in use: short numbers are quick ones.
-void ExactPlanes::find_lattice() {
-  int lowest = cube_exponent_;
+int PlaneLattice::lowest() const {
+  int lowest = cube_exponent;
   const auto look = [&](double value) {
-    if (value != 0.0 && std::ilogb(value) - 52 < lowest) lowest = std::min(lowest, lowest_bit(value));
+    if (value != 0.0 && bits_of(value).exponent < lowest) lowest = std::min(lowest, lowest_bit(value));
   };
-  for (Index i = 0; i < source_.center.size(); ++i) {
-    for (int k = 0; k < 3; ++k) look(source_.center(i, k));
+  for (Index i = 0; i < source.center.size(); ++i) {
+    for (int k = 0; k < 3; ++k) look(source.center(i, k));
   }
-  for (const std::int32_t row : rows_) {
-    const Index* corners = source_.corners[row];
+  for (const std::int32_t row : rows) {
+    const Index* corners = source.corners[row];
     if (corners[0] < 0) continue;
     for (int j = 0; j < 3; ++j) {
-      for (int k = 0; k < 3; ++k) look(source_.vertices(corners[j], k));
+      for (int k = 0; k < 3; ++k) look(source.vertices(corners[j], k));
     }
   }
-  shift_ = -lowest;
+  return lowest;
+}
+
+ExactPlanes::ExactPlanes(const PlaneLattice& lattice)
+    : lattice_(lattice), source_(lattice.source), rows_(lattice.rows) {}
+
+void ExactPlanes::find_center() {
+  shift_ = lattice_.shift();
   for (int k = 0; k < 3; ++k) {
     Wide total;
     for (Index i = 0; i < source_.center.size(); ++i) {
@@ -33,7 +36,7 @@ void ExactPlanes::find_lattice() {
     center_[k] = keep(total, own_);
   }
   scratch_.forget();
-  has_lattice_ = true;
+  has_center_ = true;
 }
 
 Wide ExactPlanes::keep(const Wide& value, LimbPool& pool) {
@@ -52,14 +55,14 @@ void ExactPlanes::forget() {
 }
 
 const ExactPlanes::Plane& ExactPlanes::plane(Index i) {
-  if (!has_lattice_) find_lattice();
+  if (!has_center_) find_center();
   const auto [place, is_new] = planes_.try_emplace(i);
   Plane& found = place->second;
   if (!is_new) return found;
   if (i >= rows_.size()) {
     const Index side = i - rows_.size();
     found.n[side / 2] = keep(from_double(scratch_, side % 2 == 0 ? 1.0 : -1.0, 0), kept_);
-    found.s = keep(from_double(scratch_, 1.0, cube_exponent_ + shift_), kept_);
+    found.s = keep(from_double(scratch_, 1.0, lattice_.cube_exponent + shift_), kept_);
   } else if (source_.corners(rows_[i], 0) < 0) {
     from_given(source_.given[-1 - source_.corners(rows_[i], 0)], found);
   } else {

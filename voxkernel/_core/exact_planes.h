@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <mutex>
 #include <unordered_map>
 
 #include "spans.h"
@@ -18,6 +19,30 @@ struct PlaneSource {
   Points center;
 };
 
+// The planes of some rows, and the coarsest lattice that holds the centre and every corner in use: short numbers are
+// quick ones. It is found when first asked for, once for all threads.
+class PlaneLattice {
+ public:
+  PlaneLattice(const PlaneSource& source, Span<const std::int32_t> rows, int cube_exponent)
+      : source(source), rows(rows), cube_exponent(cube_exponent) {}
+
+  // Every number in use times 2**shift is an integer.
+  int shift() const {
+    std::call_once(is_found_, [this] { shift_ = -lowest(); });
+    return shift_;
+  }
+
+  const PlaneSource source;
+  const Span<const std::int32_t> rows;
+  const int cube_exponent;
+
+ private:
+  int lowest() const;
+
+  mutable std::once_flag is_found_;
+  mutable int shift_ = 0;
+};
+
 // Half-spaces n . y <= s as integers, y the exact distance from the centre in units of a lattice that holds all
 // corners.
 //
@@ -25,7 +50,7 @@ struct PlaneSource {
 // after the last are the sides of a cube about the centre, x, -x, y, -y, z, -z.
 class ExactPlanes {
  public:
-  ExactPlanes(const PlaneSource& source, Span<const std::int32_t> rows, int cube_exponent);
+  explicit ExactPlanes(const PlaneLattice& lattice);
 
   // The sign of the determinant of three normals.
   int normals_sign(Index i, Index j, Index k);
@@ -46,7 +71,7 @@ class ExactPlanes {
     Wide s;
   };
   static constexpr std::size_t kMost = 4096;
-  void find_lattice();
+  void find_center();
   bool have_common_corner(Index i, Index j, Index k, Index l) const;
   const Plane& plane(Index i);
   Wide keep(const Wide& value, LimbPool& pool);
@@ -55,11 +80,11 @@ class ExactPlanes {
   void from_given(const double* row, Plane& plane);
   Wide determinant(const Wide& ab, const Wide& ac, const Wide& bc, const Wide& a, const Wide& b, const Wide& c);
 
+  const PlaneLattice& lattice_;
   PlaneSource source_;
   Span<const std::int32_t> rows_;
-  int cube_exponent_;
-  int shift_ = 0;  // every number used times 2**shift is an integer
-  bool has_lattice_ = false;
+  int shift_ = 0;
+  bool has_center_ = false;
   Wide center_[3];
   std::unordered_map<Index, Plane> planes_;
   LimbPool own_, kept_, scratch_;  // of the centre, of planes, of one answer

@@ -97,7 +97,7 @@ std::vector<Index> DeepPointSearch::nearest_rows() const {
   return nearest;
 }
 
-DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop& stop) {
+DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, int threads, Stop& stop) {
   DeepPointSearch search;
   const auto add = [&](const std::vector<Index>& rows) {
     std::vector<double> n, d;
@@ -112,7 +112,7 @@ DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop&
   std::vector<double> slacks(kBins);
   while (search.propose(stop)) {
     const Tightest found =
-        tightest_by_direction(normals, offsets, errors, search.point(), search.upper(), ids, slacks, stop);
+        tightest_by_direction(normals, offsets, errors, search.point(), search.upper(), ids, slacks, threads, stop);
     const std::vector<Index> fresh = search.fresh(ids);
     if (!search.judge(found.smallest, found.certain, !fresh.empty())) break;
     add(fresh);

@@ -52,6 +52,7 @@ class DeepPointSearch {
   int round_ = 0, box_ = 0;
 };
 
-DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, Stop& stop);
+// The same for any number of threads.
+DeepPoint find_deep_point(Points normals, Doubles offsets, Doubles errors, int threads, Stop& stop);
 
 }  // namespace voxkernel

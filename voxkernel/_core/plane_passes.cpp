@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "avx2.h"
+#include "workers.h"
 
 namespace voxkernel {
 namespace {
@@ -18,6 +19,7 @@ inline bool is_rare(bool condition) {
 #endif
 }
 
+constexpr Index kLeast = 1 << 15;  // planes that are worth a thread
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Direction bin of a normal: a face of the cube and a cell of its 8 x 8 grid.
@@ -103,35 +105,67 @@ void each_plane(Index n, Stop& stop, Visit&& visit) {
   }
 }
 
+// What a stretch of planes says, the first of equal ones.
+struct PartTightest {
+  Tightest least{kInfinity, kInfinity, -1};
+  std::vector<Index> ids = std::vector<Index>(kBins, -1);
+  std::vector<double> slacks = std::vector<double>(kBins, kInfinity);
+};
+
 }  // namespace
 
 // One pass: the smallest slack d - n . x, the least certain one, and the tightest plane of each direction bin.
 // Planes with slack >= limit are left out of the bins. `ids` is -1 where a bin is empty.
 Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, const double* point, double limit,
-                               Span<Index> ids, Span<double> slacks, Stop& stop) {
-  std::fill(ids.begin(), ids.end(), -1);
-  std::fill(slacks.begin(), slacks.end(), kInfinity);
+                               Span<Index> ids, Span<double> slacks, int threads, Stop& stop) {
+  const Index n = offsets.size();
   const double x = point[0], y = point[1], z = point[2], size = length(point) + 1.0;
-  double smallest = kInfinity, certain = kInfinity;
-  Index where = -1;
-  each_plane(offsets.size(), stop, [&](Index i) {
-    const double* n = normals[i];
-    const double slack = offsets[i] - (n[0] * x + n[1] * y + n[2] * z);
-    const double safe = slack - errors[i] * size;
-    if (safe < certain) certain = safe;
-    if (is_rare(slack < smallest)) {
-      smallest = slack;
-      where = i;
+  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
+  std::vector<PartTightest> parts(n_parts);
+  run_parts(n_parts, stop, [&](int part, Stop& own) {
+    const Index begin = part_begin(n, n_parts, part);
+    Index* part_ids = parts[part].ids.data();
+    double* part_slacks = parts[part].slacks.data();
+    double smallest = kInfinity, certain = kInfinity;
+    Index where = -1;
+    each_plane(part_begin(n, n_parts, part + 1) - begin, own, [&](Index k) {
+      const Index i = begin + k;
+      const double* m = normals[i];
+      const double slack = offsets[i] - (m[0] * x + m[1] * y + m[2] * z);
+      const double safe = slack - errors[i] * size;
+      if (safe < certain) certain = safe;
+      if (is_rare(slack < smallest)) {
+        smallest = slack;
+        where = i;
+      }
+      if (slack < limit) {
+        const int b = bin_of(m);
+        if (slack < part_slacks[b]) {
+          part_slacks[b] = slack;
+          part_ids[b] = i;
+        }
+      }
+    });
+    parts[part].least = {smallest, certain, where};
+  });
+  Tightest found = parts[0].least;
+  std::copy(parts[0].ids.begin(), parts[0].ids.end(), ids.begin());
+  std::copy(parts[0].slacks.begin(), parts[0].slacks.end(), slacks.begin());
+  for (int part = 1; part < n_parts; ++part) {
+    const PartTightest& other = parts[part];
+    found.certain = std::min(found.certain, other.least.certain);
+    if (other.least.smallest < found.smallest) {
+      found.smallest = other.least.smallest;
+      found.where = other.least.where;
     }
-    if (slack < limit) {
-      const int b = bin_of(n);
-      if (slack < slacks[b]) {
-        slacks[b] = slack;
-        ids[b] = i;
+    for (int b = 0; b < kBins; ++b) {
+      if (other.slacks[b] < slacks[b]) {
+        slacks[b] = other.slacks[b];
+        ids[b] = other.ids[b];
       }
     }
-  });
-  return {smallest, certain, where};
+  }
+  return found;
 }
 
 // One pass: lists the planes whose sign at a point is not certainly negative (inside).

@@ -17,8 +17,9 @@ struct Tightest {
   double certain;   // smallest slack minus its error bound
   Index where;      // plane of the smallest slack
 };
+// The same for any number of threads.
 Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, const double* point, double limit,
-                               Span<Index> ids, Span<double> slacks, Stop& stop);
+                               Span<Index> ids, Span<double> slacks, int threads, Stop& stop);
 
 std::vector<Index> plane_signs(Points normals, Doubles offsets, Doubles errors, const double* point, double slack_error,
                                Stop& stop);

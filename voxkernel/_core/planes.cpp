@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "avx2.h"
 #include "pages.h"
+#include "stretches.h"
 #include "workers.h"
 
 namespace voxkernel {
@@ -293,42 +295,56 @@ double least_spread(Points normals, Index step, Stop& stop) {
   return 4.0 * determinant / (total * total * total);
 }
 
-// Whether every edge is traversed equally often in both directions: the surface bounds a volume.
-// Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
-bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop) {
-  Brief<Index> start(n_vertices + 1, 0);
+namespace {
+
+// `Small` holds twice the vertices, and all half-edges.
+template <typename Small>
+bool boundary_is_zero_with(Triangles faces, Index n_vertices, int threads, Stop& stop) {
   const auto each_edge = [&](Stop& own, auto&& visit) {
-    for (Index i = 0; i < faces.size(); ++i) {
-      own.poll();
+    for_each(faces.size(), 1, own, [&](Index i) {
+      const Index* face = faces[i];
       for (int k = 0; k < 3; ++k) {
-        const Index a = faces(i, k), b = faces(i, k == 2 ? 0 : k + 1);
+        const Index a = face[k], b = face[k == 2 ? 0 : k + 1];
         if (a != b) visit(a, b);
       }
-    }
+    });
   };
-  each_edge(stop, [&](Index a, Index b) { ++start[std::min(a, b) + 1]; });
-  for (Index i = 0; i < n_vertices; ++i) start[i + 1] += start[i];
-  Brief<Index> position(start.begin(), start.end() - 1);
-  Brief<Index> keys(start[n_vertices]);
+  Brief<Small> end(n_vertices + 1, 0);
+  each_edge(stop, [&](Index a, Index b) { ++end[std::min(a, b) + 1]; });
+  for (Index i = 0; i < n_vertices; ++i) end[i + 1] += end[i];
+  BriefArray<Small> keys(static_cast<std::size_t>(end[n_vertices]));
   std::atomic<bool> is_balanced{true};
   run_stretches(n_vertices, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    auto low = static_cast<Index>(end[first]);
+    // Those of its own vertices. Filling moves each start to where the next one was.
     each_edge(own, [&](Index a, Index b) {
-      const Index low = std::min(a, b);
-      if (low >= first && low < last) keys[position[low]++] = a < b ? 2 * b : 2 * a + 1;
+      const Index v = std::min(a, b);
+      if (v < first || v >= last) return;
+      keys[static_cast<Index>(end[v]++)] = static_cast<Small>(a < b ? 2 * b : 2 * a + 1);
     });
-    for (Index i = first; i < last && is_balanced.load(std::memory_order_relaxed); ++i) {
-      const Index high = start[i + 1];
-      own.poll(1 + high - start[i]);
-      std::sort(keys.begin() + start[i], keys.begin() + high);
-      for (Index j = start[i]; j < high;) {
-        const Index other = keys[j] >> 1;
+    for (Index v = first; v < last && is_balanced.load(std::memory_order_relaxed); ++v) {
+      const auto high = static_cast<Index>(end[v]);
+      own.poll(1 + high - low);
+      std::sort(keys.get() + low, keys.get() + high);
+      while (low < high) {
+        const Small other = keys[low] / 2;
         Index balance = 0;
-        for (; j < high && (keys[j] >> 1) == other; ++j) balance += 1 - 2 * (keys[j] & 1);
+        for (; low < high && keys[low] / 2 == other; ++low) balance += keys[low] % 2 == 0 ? 1 : -1;
         if (balance != 0) is_balanced = false;
       }
     }
   });
   return is_balanced;
+}
+
+}  // namespace
+
+// Whether every edge is traversed equally often in both directions: the surface bounds a volume.
+// Edges are bucketed by their smaller vertex, so the time is linear; nothing is hashed.
+bool boundary_is_zero(Triangles faces, Index n_vertices, int threads, Stop& stop) {
+  const bool is_small = std::max(2 * n_vertices + 1, 3 * faces.size()) <= Index{UINT32_MAX};
+  return is_small ? boundary_is_zero_with<std::uint32_t>(faces, n_vertices, threads, stop)
+                  : boundary_is_zero_with<std::uint64_t>(faces, n_vertices, threads, stop);
 }
 
 }  // namespace voxkernel

@@ -1,13 +1,32 @@
 #include "polyhedron.h"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
+
+#include "workers.h"
 
 namespace voxkernel {
+namespace {
 
-// Volume, first and second moments about the origin, area, of polygons seen from the origin inside.
-Moments moments(Points vertices, Indices start, SmallIndices ring, Stop& stop) {
+// Sums over so many polygons are added in their order, whoever made them.
+constexpr Index kBlock = 4096;
+
+// The sums `sum_of(first, last, stop)` of the blocks of 0 .. n, in their order.
+template <typename Sum, typename SumOf>
+std::vector<Sum> block_sums(Index n, int threads, Stop& stop, SumOf&& sum_of) {
+  std::vector<Sum> sums((n + kBlock - 1) / kBlock);
+  run_stretches(static_cast<Index>(sums.size()), 1, threads, stop, [&](Index begin, Index end, Stop& own) {
+    for (Index block = begin; block < end; ++block) {
+      sums[block] = sum_of(block * kBlock, std::min(n, (block + 1) * kBlock), own);
+    }
+  });
+  return sums;
+}
+
+Moments moments_of(Points vertices, Indices start, SmallIndices ring, Index begin, Index end, Stop& stop) {
   Moments sum;
-  for (Index f = 0; f + 1 < start.size(); ++f) {
+  for (Index f = begin; f < end; ++f) {
     const Index low = start[f];
     stop.poll(start[f + 1] - low);
     for (Index j = low + 1; j < start[f + 1] - 1; ++j) {
@@ -29,16 +48,12 @@ Moments moments(Points vertices, Indices start, SmallIndices ring, Stop& stop) {
       }
     }
   }
-  for (int k = 0; k < 3; ++k) {
-    for (int m = 0; m < k; ++m) sum.second[m][k] = sum.second[k][m];
-  }
   return sum;
 }
 
-// Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983).
-double solid_angle(Points vertices, SmallIndices ring, Stop& stop) {
+double angle_of(Points vertices, SmallIndices ring, Index begin, Index end, Stop& stop) {
   double total = 0.0;
-  for (Index f = 0; f < ring.size() / 3; ++f) {
+  for (Index f = begin; f < end; ++f) {
     stop.poll(4);
     const double* a = vertices[ring[3 * f]];
     const double* b = vertices[ring[3 * f + 1]];
@@ -50,6 +65,38 @@ double solid_angle(Points vertices, SmallIndices ring, Stop& stop) {
     const double below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
     total += 2.0 * std::atan2(triple, below);
   }
+  return total;
+}
+
+}  // namespace
+
+// Volume, first and second moments about the origin, area, of polygons seen from the origin inside.
+Moments moments(Points vertices, Indices start, SmallIndices ring, int threads, Stop& stop) {
+  Moments sum;
+  const auto parts = block_sums<Moments>(start.size() - 1, threads, stop, [&](Index first, Index last, Stop& own) {
+    return moments_of(vertices, start, ring, first, last, own);
+  });
+  for (const Moments& part : parts) {
+    sum.volume += part.volume;
+    sum.area += part.area;
+    for (int k = 0; k < 3; ++k) {
+      sum.first[k] += part.first[k];
+      for (int m = 0; m <= k; ++m) sum.second[k][m] += part.second[k][m];
+    }
+  }
+  for (int k = 0; k < 3; ++k) {
+    for (int m = 0; m < k; ++m) sum.second[m][k] = sum.second[k][m];
+  }
+  return sum;
+}
+
+// Signed solid angle of triangles seen from the origin (van Oosterom and Strackee 1983).
+double solid_angle(Points vertices, SmallIndices ring, int threads, Stop& stop) {
+  const auto parts = block_sums<double>(ring.size() / 3, threads, stop, [&](Index first, Index last, Stop& own) {
+    return angle_of(vertices, ring, first, last, own);
+  });
+  double total = 0.0;
+  for (const double part : parts) total += part;
   return total;
 }
 

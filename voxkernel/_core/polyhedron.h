@@ -12,7 +12,8 @@ struct Moments {
   double second[3][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   double area = 0.0;
 };
-Moments moments(Points vertices, Indices start, SmallIndices ring, Stop& stop);
-double solid_angle(Points vertices, SmallIndices ring, Stop& stop);
+// The same for any number of threads.
+Moments moments(Points vertices, Indices start, SmallIndices ring, int threads, Stop& stop);
+double solid_angle(Points vertices, SmallIndices ring, int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -16,8 +16,9 @@ struct SolidMeasures {
   double clearance = 0.0;  // smallest distance of `deepest` from a plane
 };
 
-// `vertices` are from `center`; polygon f, on the plane of half-space rows[f], is ring[start[f]:start[f + 1]].
+// The same for any number of threads. `vertices` are from `center`; polygon f, on the plane of half-space rows[f], is
+// ring[start[f]:start[f + 1]].
 SolidMeasures solid_measures(Points normals, Doubles offsets, const double* center, Points vertices, Indices start,
-                             SmallIndices ring, SmallIndices rows, Stop& stop);
+                             SmallIndices ring, SmallIndices rows, int threads, Stop& stop);
 
 }  // namespace voxkernel

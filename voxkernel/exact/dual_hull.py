@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import dual_hull, solid_angle, triangles_at_vertices
+from voxkernel._core import dual_hull, solid_angle, triangles_at_vertices, used_vertices
 from voxkernel.errors import SolverError
 from voxkernel.exact.convexity import edge_convexity_of
 from voxkernel.exact.inner_point import InnerPoint
@@ -91,14 +91,10 @@ def convex_surface(planes: HalfSpaces, point: InnerPoint, *, threads: int = 1) -
         return None
     if edge_convexity_of(planes.vertices, faces, np.arange(len(faces)), faces, least=2, threads=threads) < 2:
         return None
-    used = np.zeros(len(planes.vertices), np.bool_)
-    used[faces.ravel()] = True
-    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    vertices = planes.to_local(planes.vertices[used]) - point.local
-    start, ring = np.arange(0, 3 * len(faces) + 1, 3), number[faces.ravel()]
-    if abs(solid_angle(vertices, ring) / (4 * np.pi) - 1.0) > 0.25:
+    vertices, ring = used_vertices(planes.vertices, faces, planes.origin, planes.scale, point.local, threads)
+    if abs(solid_angle(vertices, ring, threads) / (4 * np.pi) - 1.0) > 0.25:
         return None
-    at_vertices = triangles_at_vertices(ring, len(vertices))
+    start, at_vertices = np.arange(0, 3 * len(faces) + 1, 3), triangles_at_vertices(ring, len(vertices), threads)
     rows = np.arange(len(faces), dtype=np.int32)
     return Polyhedron(point.local, vertices, at_vertices, 2.0**-49, start, ring, rows)
 

@@ -110,7 +110,7 @@ def kernel_of_halfspaces(halfspaces: HalfSpaces, domain: Domain | None, *, threa
 
 def _kernel_in(halfspaces: HalfSpaces, domain: Domain | None, threads: int) -> KernelPolytope:
     planes = halfspaces if domain is None else halfspaces.with_planes(domain.normals, domain.offsets)
-    inside = find_feasibility(planes)
+    inside = find_feasibility(planes, threads=threads)
     unclipped = inside if domain is None else without_domain(halfspaces, planes, inside)
     if inside.dimension < 0:
         proof = Proof(planes, inside, (), is_own=True)

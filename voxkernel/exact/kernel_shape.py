@@ -79,7 +79,7 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility, *, threads: int = 1) ->
     if rows is None or 2 * len(rows) > len(planes) > _SMALL:
         convex = convex_surface(planes, point, threads=threads)
         if convex is not None:
-            shape = _float_shape(planes, convex, inside)
+            shape = _float_shape(planes, convex, inside, threads)
             if shape.is_accurate:
                 return shape
     if rows is None:
@@ -95,7 +95,7 @@ def solid_shape(planes: HalfSpaces, inside: Feasibility, *, threads: int = 1) ->
             return None
         else:
             rows = np.arange(len(planes))
-    shape = _float_shape(planes, solid, inside)
+    shape = _float_shape(planes, solid, inside, threads)
     return shape if shape.is_accurate else _exact_shape(planes, solid, shape)
 
 
@@ -121,12 +121,12 @@ def _missing_rows(
     )
 
 
-def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility) -> Shape:
+def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility, threads: int) -> Shape:
     """Measure a polyhedron, every vertex of which is within `reach` of the exact one; moves them to the world."""
     scale, reach = planes.scale, solid.reach
     extent, volume, area, clearance, centroid, deepest, inertia = solid_measures(
         planes.local_normals, planes.local_offsets, solid.center, solid.vertices, solid.start, solid.ring, solid.rows,
-        inside.clearance, planes.origin, scale,
+        inside.clearance, planes.origin, scale, threads,
     )  # fmt: skip
     # Scaled about the deepest point by 1 + reach / clearance, the exact polyhedron holds the rounded one; by
     # 1 - reach / clearance, it lies inside.

@@ -85,7 +85,7 @@ class Feasibility(Frozen):
         return self.halfspaces.to_lattice(self.local_point)
 
 
-def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
+def find_feasibility(halfspaces: HalfSpaces, *, threads: int = 1) -> Feasibility:
     """Find the dimension of the intersection of half-spaces, exactly for the doubles given.
 
     Floating point proposes, with a bound on every rounding error; what it cannot prove is decided
@@ -95,17 +95,19 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
     ----------
     halfspaces : HalfSpaces
         At least one.
+    threads : int
+        Threads, at least 1; the result does not depend on it.
 
     Returns
     -------
     Feasibility
         dimension -1 (empty) to 3, with a point or witnesses.
     """
-    rows, passes, answer = _float_stage(halfspaces)
+    rows, passes, answer = _float_stage(halfspaces, threads)
     if answer is not None:
         return answer
     # Exactly coplanar facets would all be touched and tried one by one: one of each plane is enough.
-    groups = halfspaces.coplanar_groups()
+    groups = halfspaces.coplanar_groups(threads=threads)
     heads = np.flatnonzero(groups == np.arange(len(groups)))
     merged = halfspaces.select(heads)
     rows = np.unique(np.searchsorted(heads, groups[rows]))
@@ -114,10 +116,10 @@ def find_feasibility(halfspaces: HalfSpaces) -> Feasibility:
     return replace(found, halfspaces=halfspaces, witnesses=witnesses, working_set=heads[found.working_set])
 
 
-def _float_stage(halfspaces: HalfSpaces) -> tuple[NDArray[np.int64], int, Feasibility | None]:
+def _float_stage(halfspaces: HalfSpaces, threads: int) -> tuple[NDArray[np.int64], int, Feasibility | None]:
     """Grow a working set until it is proven solid or empty, or floating point has said all it can."""
     rows, opposing, gap, depth, point, nearest, passes = find_deep_point(
-        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors
+        halfspaces.local_normals, halfspaces.local_offsets, halfspaces.local_errors, threads
     )
     witness = empty_witness(halfspaces, opposing)
     if witness is not None:

@@ -1,12 +1,11 @@
-"""Passes over all planes in parts, on several threads: the same answer for any number of them."""
+"""Passes over all planes on several threads: the same answer for any number of them."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import N_BINS, StopFlag, planes_reaching, tightest_by_direction
-from voxkernel._threads import run_parts, stretches
+from voxkernel._core import N_BINS, planes_reaching, tightest_by_direction
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 
 __all__ = ["largest_heights", "reaching_planes", "tightest_planes"]
@@ -16,20 +15,10 @@ _MOST = 1 << 17  # products held at a time
 
 def tightest_planes(planes: HalfSpaces, point: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
     """List the plane nearest to a local point of each direction bin that has one; the first where several are."""
-
-    def part(rows: slice, _: StopFlag) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
-        arrays = planes.local_normals[rows], planes.local_offsets[rows], planes.local_errors[rows]
-        tightest_by_direction(*arrays, point, np.inf, ids, slacks)
-        ids[ids >= 0] += rows.start
-        return ids, slacks
-
-    found = run_parts(part, stretches(len(planes), threads), threads)
-    best, least = found[0]
-    for ids, slacks in found[1:]:
-        nearer = slacks < least
-        best, least = np.where(nearer, ids, best), np.where(nearer, slacks, least)
-    return best[best >= 0]
+    ids, slacks = np.empty(N_BINS, np.int64), np.empty(N_BINS)
+    arrays = planes.local_normals, planes.local_offsets, planes.local_errors
+    tightest_by_direction(*arrays, point, np.inf, ids, slacks, threads)
+    return ids[ids >= 0]
 
 
 def reaching_planes(
