@@ -164,7 +164,7 @@ def test_faces_of_many_rotated_surfaces(name):
         test_faces_of_rotated_surfaces(name, 1000 + seed)
 
 
-@pytest.mark.parametrize("scale", [1e-57, 1e-40, 1e40, 1e57])
+@pytest.mark.parametrize("scale", [1e-57, 1e-50, 1e57])
 @pytest.mark.parametrize("make", [shapes.spiky, shapes.cube, shapes.icosphere])
 def test_vertices_of_surfaces_of_any_size(make, scale):
     """Coordinates are rounded once, also where products of three numbers are beyond the range of doubles."""
