@@ -162,3 +162,24 @@ def test_faces_of_rotated_surfaces(name, seed):
 def test_faces_of_many_rotated_surfaces(name):
     for seed in range(40):
         test_faces_of_rotated_surfaces(name, 1000 + seed)
+
+
+@pytest.mark.parametrize("scale", [1e-57, 1e-50, 1e57])
+@pytest.mark.parametrize("make", [shapes.spiky, shapes.cube, shapes.icosphere])
+def test_vertices_of_surfaces_of_any_size(make, scale):
+    """Coordinates are rounded once, also where products of three numbers are beyond the range of doubles."""
+    vertices, faces = rotated(make(), 3)
+    kernel, unit = exact_kernel((vertices * scale, faces)), exact_kernel((vertices, faces))
+    exact = np.array([[float(v) for v in p] for p in kernel.exact_vertices()])
+    assert np.abs(kernel.vertices - exact).max() <= 1e-14 * scale
+    assert kernel.volume == pytest.approx(unit.volume * scale**3, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-150, 1e50])
+def test_vertices_of_planes_of_any_size(size, rng):
+    normals = rng.normal(size=(20, 3)) * 10.0 ** rng.integers(-100, 100, (20, 1))
+    lengths = np.linalg.norm(normals, axis=1)
+    kernel = exact_kernel(HalfSpaces.from_planes(normals, lengths * size))
+    assert kernel.dimension == 3
+    exact = np.array([[float(v) for v in p] for p in kernel.exact_vertices()])
+    assert np.abs(kernel.vertices - exact).max() <= 1e-13 * size

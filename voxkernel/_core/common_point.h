@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -13,18 +14,20 @@ namespace voxkernel {
 
 class CommonPoints {
  public:
-  CommonPoints(const PlaneSource& source, Span<const std::int32_t> rows) : source_(source), rows_(rows) {
+  // `scale`, a power of two, is the unit of points.
+  CommonPoints(const PlaneSource& source, Span<const std::int32_t> rows, double scale)
+      : source_(source), rows_(rows), exponent_(std::ilogb(scale)), to_unit_(-exponent_) {
     std::size_t size = 16;
     while (size < kCached && size < static_cast<std::size_t>(rows.size())) size *= 2;
     cache_.resize(size);
   }
 
-  // Of the planes at three positions in `rows`, from the centre, world units. Returns a bound on the error of each
+  // Of the planes at three positions in `rows`, from the centre. Returns a bound on the error of each
   // coordinate; infinity where there is none.
   double find(Index i, Index j, Index k, double* point);
 
  private:
-  // n . y <= s about the centre; n and s, each number of n, are off by less than the errors.
+  // n . y <= s about the centre, n not far from 1; n and s, each number of n, are off by less than the errors.
   struct Plane {
     Index place = -1;
     DoubleDouble n[3], s;
@@ -38,6 +41,8 @@ class CommonPoints {
 
   PlaneSource source_;
   Span<const std::int32_t> rows_;
+  int exponent_;  // of the unit
+  Shift to_unit_;
   std::vector<Plane> cache_;  // by place, the last one asked for; a power of two of them
 };
 

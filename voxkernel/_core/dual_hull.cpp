@@ -366,16 +366,13 @@ class PolytopeReader {
     found.vertices.resize(found.vertex_rows.size());
     std::vector<double> errors(threads(), 0.0);
     each_part(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
-      CommonPoints points(lattice_.source, duals_.rows);
+      CommonPoints points(lattice_.source, duals_.rows, planes_.scale);
       for (Place v = first; v < last; ++v) {
         own.poll(4);
         Place* rows = &found.vertex_rows[3 * static_cast<Index>(v)];
         double* point = &found.vertices[3 * static_cast<Index>(v)];
         double error = points.find(rows[0], rows[1], rows[2], point);
-        if (std::isfinite(error)) {
-          for (int k = 0; k < 3; ++k) point[k] /= planes_.scale;
-          error /= planes_.scale;
-        } else {
+        if (!std::isfinite(error)) {
           inserters_[part].signs.exact.common_point(rows[0], rows[1], rows[2], planes_.scale, point);
           error = 0x1p-48 * size_of(point);
         }
