@@ -151,3 +151,17 @@ def test_command(tmp_path, capsys, monkeypatch):
         assert not (tmp_path / "new").exists()  # seen before anything is computed
     assert main(["labels", "a.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
     assert "--map must be given with one image; got 2" in capsys.readouterr().err
+
+
+def test_an_image_without_objects_is_an_answer(tmp_path, capsys):
+    np.save(tmp_path / "empty.npy", np.zeros((4, 5, 6), np.uint8))
+    assert len(voxkernel.label_stars(np.zeros((4, 5, 6), np.uint8), spacing=(1, 1, 1))) == 0
+    words = ["labels", str(tmp_path / "empty.npy"), "--spacing", "1,1,1", "-o", str(tmp_path / "run"), "--workers", "1"]
+    for _ in range(2):  # the second time the run is there
+        assert main([*words, "--csv"]) == 0
+        out, err = capsys.readouterr()
+        assert out.splitlines() == [f"{tmp_path / 'run'}: no objects"]
+        assert "failed" not in err.replace("0 failed", "")
+    assert read_rows(str(tmp_path / "run")).num_rows == 0
+    assert (tmp_path / "run" / "rows.csv").read_text().count("\n") <= 1
+    assert (tmp_path / "run" / "report.html").exists()

@@ -15,6 +15,7 @@ namespace {
 
 constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
 constexpr Index kMostBlocks = 1200;  // of the coarsest
+constexpr Index kTileSteps = 1;      // steps of single voxels that take as long as a place of a tile
 constexpr Index kShare = 4;          // tiles are bounded where this takes at most such a part of the steps
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
@@ -48,6 +49,7 @@ class Search {
 
   bool is_empty(Index i, Index j, Index k, Index n_i, Index n_j, Index n_k) const;
   std::vector<Tile> tiles_of(const Index* edges) const;
+  Index n_left(const Index* edges, Tile& tile);
   void race(LabelTiles& tiles, std::vector<Tile>& left);
   void branch();
   void climb();
@@ -70,7 +72,8 @@ class Search {
   std::priority_queue<Block> queue_;
   Index least_ = 0, winner_ = 0;  // what is hidden from the best so far, and its rank
   Index limit_ = 0;
-  Index open_ = INT64_MAX;  // the least that may be hidden from a voxel that was not looked at
+  Index row_steps_ = 0, n_looks_ = 0;  // of voxels looked at one by one
+  Index open_ = INT64_MAX;             // the least that may be hidden from a voxel that was not looked at
   BestVoxel best_;
 };
 
@@ -85,6 +88,8 @@ Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop
   Index ijk[3];
   crop.position(by_depth_[0], ijk);
   least_ = rows_.hidden(ijk, n, best_.n_steps, stop);
+  row_steps_ = best_.n_steps;
+  n_looks_ = 1;
   best_.deepest = by_depth_[0];
   best_.deepest_seen = n - least_;
   if (least_ == 0) return;
@@ -116,7 +121,10 @@ bool Search::consider(Index rank) {
   is_known_[rank] = 1;
   Index ijk[3];
   crop_.position(by_depth_[rank], ijk);
+  const Index before = best_.n_steps;
   const Index h = rows_.hidden(ijk, enough(rank), best_.n_steps, stop_);
+  row_steps_ += best_.n_steps - before;
+  ++n_looks_;
   if (h > enough(rank)) return false;
   least_ = h;
   winner_ = rank;
@@ -193,8 +201,19 @@ std::vector<Search::Tile> Search::tiles_of(const Index* edges) const {
   return found;
 }
 
+// How many voxels of a tile are in the race; what was found of the others does not count any more.
+Index Search::n_left(const Index* edges, Tile& tile) {
+  Index n = 0;
+  each_voxel(tile.low, edges, [&](Index rank, Index at) {
+    if (is_known_[rank] != 0 || tile.bounds[at] > enough(rank)) tile.bounds[at] = INT64_MAX;
+    if (tile.bounds[at] != INT64_MAX) ++n;
+  });
+  return n;
+}
+
 // All tiles are bounded, the deepest first, then by more probes, those first from which the least may be hidden, then
-// looked at whole. Of those that may see more than any before, the most promising voxel is looked at.
+// looked at whole, unless it takes less to look at their voxels one by one. Of those that may see more than any before,
+// the most promising voxel is looked at.
 void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
   const Index* edges = tiles.edges();
   Index lowest = 0;
@@ -210,36 +229,40 @@ void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
     lowest = tile.hidden;
     consider(tile.rank);
   };
-  const auto sort = [&] {
+  for (int stage = 0; stage <= LabelTiles::kStages; ++stage) {
     std::sort(left.begin(), left.end(),
               [](const Tile& a, const Tile& b) { return std::tie(a.hidden, a.rank) < std::tie(b.hidden, b.rank); });
-  };
-  lowest = least_;
-  for (Tile& tile : left) {
-    tile.bounds.resize(LabelTiles::kVoxels);
-    tiles.bound(tile.low, least_, tile.bounds, best_.n_steps, stop_);
-    rate(tile);
-  }
-  sort();
-  lowest = least_;
-  for (Tile& tile : left) {
-    if (tile.hidden > least_ || is_over()) break;
-    tiles.refine(tile.low, least_, tile.bounds, best_.n_steps, stop_);
-    rate(tile);
-  }
-  sort();
-  for (Tile& tile : left) {
-    if (tile.hidden > least_) break;
-    if (is_over()) {
-      open_ = tile.hidden;
-      break;
+    lowest = least_;
+    for (Tile& tile : left) {
+      if (stage == 0) {
+        tile.bounds.assign(LabelTiles::kVoxels, 0);
+        tiles.bound(0, tile.low, least_, tile.bounds, best_.n_steps, stop_);
+        rate(tile);
+        continue;
+      }
+      if (tile.hidden > least_) break;
+      if (is_over()) {
+        open_ = tile.hidden;
+        return;
+      }
+      const Index n = n_left(edges, tile);
+      if (n * row_steps_ <= kTileSteps * tiles.n_places() * n_looks_) {
+        each_voxel(tile.low, edges, [&](Index rank, Index at) {
+          if (tile.bounds[at] <= enough(rank)) consider(rank);
+        });
+        tile.hidden = INT64_MAX;
+      } else if (stage < LabelTiles::kStages) {
+        tiles.bound(stage, tile.low, least_, tile.bounds, best_.n_steps, stop_);
+        rate(tile);
+      } else {
+        tiles.look(tile.low, least_, tile.bounds, best_.n_steps, stop_);
+        each_voxel(tile.low, edges, [&](Index rank, Index at) {
+          if (tile.bounds[at] > enough(rank)) return;
+          least_ = tile.bounds[at];
+          winner_ = rank;
+        });
+      }
     }
-    tiles.look(tile.low, least_, tile.bounds, best_.n_steps, stop_);
-    each_voxel(tile.low, edges, [&](Index rank, Index at) {
-      if (tile.bounds[at] > enough(rank)) return;
-      least_ = tile.bounds[at];
-      winner_ = rank;
-    });
   }
 }
 

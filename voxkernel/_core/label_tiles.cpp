@@ -11,6 +11,10 @@ namespace {
 using Word = std::uint64_t;
 constexpr Index kBits = 64;
 constexpr Index kLayers = 4;
+constexpr int kProbes[4] = {0, 7, 15, 31};  // before each stage, and all
+constexpr int kAllProbes = kProbes[3];
+constexpr int kPeriods[3] = {8, 16, 32};  // what the shares of a stage are multiples of the inverse of
+constexpr int kPlacesAtOnce = 4;
 constexpr Index kPlanes = 2;  // after so many it is asked which voxels of a tile are out of the race
 
 struct Four {
@@ -28,6 +32,14 @@ Four without(const Four& a, const Four& b) {
 }
 bool is_none(const Four& a) { return (a.w[0] | a.w[1] | a.w[2] | a.w[3]) == 0; }
 void store(Word* at, const Four& a) { std::copy(a.w, a.w + 4, at); }
+
+// Where probe p is along a segment, in parts of 32: eighths, then the sixteenths between them, then the rest.
+constexpr Index share_of(int p) {
+  return p < kProbes[1] ? 4 * p + 4 : p < kProbes[2] ? 4 * (p - kProbes[1]) + 2 : 2 * (p - kProbes[2]) + 1;
+}
+// A segment by d >= 0 voxels along an axis is, just before that share of it, so many voxels from its start:
+// ceil(share d / 32 - 1/2).
+constexpr Index probe_at(int p, Index d) { return (share_of(p) * d + 15) / 32; }
 
 // Adds two bits to a sum; what is carried to the next level comes back.
 VOXKERNEL_ALWAYS_INLINE Word add_two(Word& sum, Word a, Word b) {
@@ -77,6 +89,12 @@ VOXKERNEL_AVX2_INLINE void store_words(Word* at, __m256i words) {
 VOXKERNEL_AVX2_INLINE __m256i and_all(__m256i a, __m256i b, __m256i c, __m256i d) {
   return _mm256_and_si256(_mm256_and_si256(a, b), _mm256_and_si256(c, d));
 }
+VOXKERNEL_AVX2_INLINE __m256i add_two(__m256i& sum, __m256i a, __m256i b) {
+  const __m256i one = _mm256_xor_si256(sum, a);
+  const __m256i carry = _mm256_or_si256(_mm256_and_si256(sum, a), _mm256_and_si256(one, b));
+  sum = _mm256_xor_si256(one, b);
+  return carry;
+}
 VOXKERNEL_AVX2_INLINE bool is_none(__m256i words) { return _mm256_testz_si256(words, words) != 0; }
 #endif
 
@@ -124,14 +142,11 @@ LabelTiles::LabelTiles(const Crop& crop) {
     }
     n_places_ += last_[row] + 1 - first_[row];
   }
-  // A segment by d is, just before the share p / 16 of it, in the voxel ceil(p |d| / 16 - 1/2) along an axis. First the
-  // even p, then the odd ones.
   for (int a = 0; a < 3; ++a) {
     probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes));
     for (Index d = 1 - shape_[a]; d < shape_[a]; ++d) {
       for (Index p = 0; p < kAllProbes; ++p) {
-        const Index share = p < kProbes ? 2 * p + 2 : 2 * (p - kProbes) + 1;
-        const Index n = (share * (d < 0 ? -d : d) + 7) / 16;
+        const Index n = probe_at(p, d < 0 ? -d : d);
         probes_[a][(d + shape_[a] - 1) * kAllProbes + p] = static_cast<std::int32_t>((d < 0 ? -n : n) * strides_[a]);
       }
     }
@@ -140,7 +155,7 @@ LabelTiles::LabelTiles(const Crop& crop) {
 }
 
 void LabelTiles::Counts::clear() {
-  n_waiting = 0;
+  n_waiting = n_fours = 0;
   for (int l = 0; l < kLevels; ++l) std::fill_n(sums[l], 4, Word{0});
 }
 
@@ -149,6 +164,9 @@ void LabelTiles::Counts::settle() {
   for (; n_waiting < kWaiting; ++n_waiting) std::fill_n(waiting[n_waiting], 4, Word{0});
   add_up(sums, waiting);
   n_waiting = 0;
+  for (; n_fours < kWaiting; ++n_fours) std::fill_n(fours[n_fours], 4, Word{0});
+  add_up(sums + 2, fours);
+  n_fours = 0;
 }
 
 // Starts from the counts of some voxels.
@@ -208,23 +226,21 @@ bool LabelTiles::drop(Index enough) {
 }
 
 // What a probe of a segment finds outside is hidden.
-void LabelTiles::bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
-  stand_at(low);
+void LabelTiles::bound(int stage, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
+  if (stage == 0) {
+    stand_at(low);
+  } else {
+    start_at(low, enough, hidden);
+  }
   Word of[4];
   std::copy_n(own_, 4, of);
-  probe_all<false>(enough, n_steps, stop);
+  if (stage == 0) probe_all<0>(enough, n_steps, stop);
+  if (stage == 1) probe_all<1>(enough, n_steps, stop);
+  if (stage == 2) probe_all<2>(enough, n_steps, stop);
   counts_.write(hidden, of);
 }
 
-void LabelTiles::refine(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
-  start_at(low, enough, hidden);
-  Word of[4];
-  std::copy_n(own_, 4, of);
-  probe_all<true>(enough, n_steps, stop);
-  counts_.write(hidden, of);
-}
-
-template <bool is_finer>
+template <int stage>
 void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
   Index first = 0, last = shape_[1] - 1;
   for (Index p = 0; p < shape_[1]; ++p) {
@@ -233,11 +249,11 @@ void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
       if (first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
 #ifdef VOXKERNEL_HAS_AVX2
       if (has_avx2) {
-        probe_avx2<is_finer>(j, k);
+        probe_avx2<stage>(j, k);
         continue;
       }
 #endif
-      probe<is_finer>(j, k);
+      probe<stage>(j, k);
     }
     n_steps_ += shape_[2];
     stop.poll(n_steps_);
@@ -248,8 +264,8 @@ void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
   counts_.settle();
 }
 
-// Where it is finer, only what the first probes did not find is counted.
-template <bool is_finer>
+// Only what the probes of the stages before did not find is counted.
+template <int stage>
 void LabelTiles::probe(Index j, Index k) {
   const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
   const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
@@ -257,17 +273,14 @@ void LabelTiles::probe(Index j, Index k) {
   const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
   const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
   const Word* probed[kAllProbes];
-  for (int p = 0; p < kAllProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
   for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
     Four wanted = both(four(own_), four(to));
     if (is_none(wanted)) continue;
+    for (int p = 0; p < kProbes[stage]; ++p) wanted = both(wanted, four(probed[p] + probes_i[p]));
+    if (is_none(wanted)) continue;
     Four seen = wanted;
-    for (int p = 0; p < kProbes; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
-    if (is_finer) {
-      if (is_none(seen)) continue;
-      wanted = seen;
-      for (int p = kProbes; p < kAllProbes; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
-    }
+    for (int p = kProbes[stage]; p < kProbes[stage + 1]; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
     const Four hidden = without(wanted, seen);
     store(counts_.waiting[counts_.n_waiting], hidden);
     if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
@@ -279,36 +292,89 @@ void LabelTiles::probe(Index j, Index k) {
 }
 
 #ifdef VOXKERNEL_HAS_AVX2
-template <bool is_finer>
-VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
-  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
-  const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + first;
-  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kAllProbes;
-  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
-  const Word* probed[kAllProbes];
-  for (int p = 0; p < kAllProbes; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
-  const __m256i own = load_words(own_);
-  Index n = counts_.n_waiting;
-  for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
-    __m256i wanted = _mm256_and_si256(own, load_words(to));
-    if (is_none(wanted)) continue;
-    __m256i seen = wanted;
-    for (int p = 0; p < kProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
-    if (is_finer) {
-      if (is_none(seen)) continue;
-      wanted = seen;
-      for (int p = kProbes; p < kAllProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
-    }
-    const __m256i hidden = _mm256_andnot_si256(seen, wanted);
-    store_words(counts_.waiting[n], hidden);
-    n += is_none(hidden) ? 0 : 1;
-    if (n == Counts::kWaiting) {
-      add_up_avx2(counts_.sums, counts_.waiting);
-      n = 0;
+VOXKERNEL_AVX2_INLINE bool is_none_of_four(const __m256i* words) {
+  return is_none(_mm256_or_si256(_mm256_or_si256(words[0], words[1]), _mm256_or_si256(words[2], words[3])));
+}
+
+// What probes see of four places in a row. The first is at a multiple of the period from the tile and `start` more;
+// `probed`: where the probes are for that multiple. Places that are next to each other share many probes.
+template <int first, int last, bool is_up, int start>
+VOXKERNEL_AVX2_INLINE void see_four(const Word* const* probed, __m256i* seen) {
+#pragma GCC unroll 16
+  for (int p = first; p < last; ++p) {
+#pragma GCC unroll 4
+    for (int t = 0; t < kPlacesAtOnce; ++t) {
+      const Index n = probe_at(p, start + t);
+      seen[t] = _mm256_and_si256(seen[t], load_words(is_up ? probed[p] + n : probed[p] - n));
     }
   }
-  counts_.n_waiting = n;
+}
+
+template <int stage, bool is_up, int start>
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* const* probed, __m256i own,
+                                                  bool has_first) {
+  __m256i wanted[kPlacesAtOnce], seen[kPlacesAtOnce];
+  for (int t = 0; t < kPlacesAtOnce; ++t) {
+    wanted[t] = _mm256_and_si256(own, load_words(is_up ? to + start + t : to - start - t));
+    if (t == 0 && !has_first) wanted[t] = _mm256_setzero_si256();
+  }
+  if (is_none_of_four(wanted)) return;
+  if (stage > 0) {
+    see_four<0, kProbes[stage], is_up, start>(probed, wanted);
+    if (is_none_of_four(wanted)) return;
+  }
+  for (int t = 0; t < kPlacesAtOnce; ++t) seen[t] = wanted[t];
+  see_four<kProbes[stage], kProbes[stage + 1], is_up, start>(probed, seen);
+  __m256i ones = load_words(counts_.sums[0]), twos = load_words(counts_.sums[1]);
+  const __m256i a = add_two(ones, _mm256_andnot_si256(seen[0], wanted[0]), _mm256_andnot_si256(seen[1], wanted[1]));
+  const __m256i b = add_two(ones, _mm256_andnot_si256(seen[2], wanted[2]), _mm256_andnot_si256(seen[3], wanted[3]));
+  const __m256i carry = add_two(twos, a, b);
+  store_words(counts_.sums[0], ones);
+  store_words(counts_.sums[1], twos);
+  store_words(counts_.fours[counts_.n_fours], carry);
+  if (!is_none(carry) && ++counts_.n_fours == Counts::kWaiting) {
+    add_up_avx2(counts_.sums + 2, counts_.fours);
+    counts_.n_fours = 0;
+  }
+}
+
+// The places of a period.
+template <int stage, bool is_up, int start>
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_period(const Word* to, const Word* const* probed, __m256i own,
+                                                    Index nearest, Index farthest) {
+  if (start > farthest) return;
+  if (start + kPlacesAtOnce > nearest) {
+    probe_four<stage, is_up, start>(to, probed, own, is_up || start > 0 || nearest <= 0);
+  }
+  if constexpr (start + kPlacesAtOnce < kPeriods[stage]) {
+    probe_period<stage, is_up, start + kPlacesAtOnce>(to, probed, own, nearest, farthest);
+  }
+}
+
+// One way from the tile; rows have layers of background at both ends, so that places beyond them count nothing.
+template <int stage, bool is_up>
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own) {
+  constexpr Index way = is_up ? 1 : -1, period = kPeriods[stage];
+  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
+  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
+  Index d = nearest / period * period;
+  const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + low_[0] + way * d;
+  const Word* probed[kAllProbes];
+  for (int p = 0; p < kProbes[stage + 1]; ++p) {
+    probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p] + way * share_of(p) * d / 32;
+  }
+  for (; d <= farthest; d += period, to += way * period) {
+    probe_period<stage, is_up, 0>(to, probed, own, nearest - d, farthest - d);
+    for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] += way * share_of(p) * period / 32;
+  }
+}
+
+template <int stage>
+VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
+  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  const __m256i own = load_words(own_);
+  if (last >= low_[0]) probe_way<stage, true>(j, k, std::max<Index>(first - low_[0], 0), last - low_[0], own);
+  if (first < low_[0]) probe_way<stage, false>(j, k, std::max<Index>(low_[0] - last, 1), low_[0] - first, own);
   n_steps_ += last + 1 - first;
 }
 #endif

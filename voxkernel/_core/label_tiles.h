@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "avx2.h"
 #include "label_crop.h"
 #include "label_segments.h"
 #include "spans.h"
@@ -22,31 +23,31 @@ class LabelTiles {
   static bool is_small(const Crop& crop) { return crop.size() <= kLargest; }
   explicit LabelTiles(const Crop& crop);
 
+  static constexpr int kStages = 3;  // of `bound`
+
   // Edges of a tile along the axes of the crop.
   const Index* edges() const { return edges_; }
   // What bounding one tile takes in steps.
   Index n_places() const { return n_places_; }
   // How many voxels of the object are hidden at least from voxel (i, j, k) of the tile with a given lowest voxel, at
-  // `hidden[(i * edge + j) * edge + k]`; anything outside the object. `n_steps` grows by about the places looked at.
-  void bound(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
-  // The same by more probes, for the voxels where what `bound` found is at most `enough`.
-  void refine(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
-  // How many are, for the voxels where what `refine` found is at most `enough` and that number is, too; a larger number
-  // for others.
+  // `hidden[(i * edge + j) * edge + k]`; anything outside the object. A stage after the first has more probes, for the
+  // voxels where the stage before found at most `enough`. `n_steps` grows by about the places looked at.
+  void bound(int stage, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
+  // How many are, for the voxels where what the last stage found is at most `enough` and that number is, too; a larger
+  // number for others.
   void look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
 
  private:
   using Word = std::uint64_t;
   static constexpr Index kLargest = Index{1} << 20;
-  static constexpr int kLevels = 24;     // bits of a count
-  static constexpr int kProbes = 7;      // of `bound`
-  static constexpr int kAllProbes = 15;  // of `refine`
+  static constexpr int kLevels = 24;  // bits of a count
 
-  // Counts of 256 voxels, a level for each bit of them; what is added waits until there are sixteen.
+  // Counts of 256 voxels, a level for each bit of them; what is added waits until there are sixteen, so do
+  // fours.
   struct Counts {
     static constexpr Index kWaiting = 16;
-    Word sums[kLevels][4], waiting[kWaiting][4];
-    Index n_waiting = 0;
+    Word sums[kLevels][4], waiting[kWaiting][4], fours[kWaiting][4];
+    Index n_waiting = 0, n_fours = 0;
 
     void clear();
     void settle();
@@ -73,12 +74,20 @@ class LabelTiles {
   void stand_at(const Index* low);
   void start_at(const Index* low, Index enough, Span<const Index> hidden);
   bool drop(Index enough);
-  template <bool is_finer>
+  template <int stage>
   void probe_all(Index enough, Index& n_steps, Stop& stop);
-  template <bool is_finer>
+  template <int stage>
   void probe(Index j, Index k);
-  template <bool is_finer>
+#ifdef VOXKERNEL_HAS_AVX2
+  template <int stage, bool is_up, int start>
+  void probe_four(const Word* to, const Word* const* probed, __m256i own, bool has_first);
+  template <int stage, bool is_up, int start>
+  void probe_period(const Word* to, const Word* const* probed, __m256i own, Index nearest, Index farthest);
+  template <int stage, bool is_up>
+  void probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own);
+  template <int stage>
   void probe_avx2(Index j, Index k);
+#endif
   void look_at_rows(Index j, Index k);
   void look_at(const Row& row);
   void look_at_avx2(const Row& row);

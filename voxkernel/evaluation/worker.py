@@ -22,6 +22,7 @@ from voxkernel.errors import VoxKernelError
 from voxkernel.evaluation.analysis import Analysis, analyse, warm_up
 from voxkernel.evaluation.inputs import Item, content_hash, local_copy
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash, settings_text, versions_text
+from voxkernel.labels import is_label_file
 
 __all__ = ["OWN_WORKER", "Outcome", "failed_outcome", "run_batch"]
 
@@ -107,8 +108,8 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     seconds = perf_counter() - begin
     about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)))
     rows = tuple({**about, "status": "ok", "reason": "", **row} for row in done.rows)
-    if not rows:
-        return failed_outcome(item, settings, "holds no cells and no objects", known_hash=known_hash, seconds=seconds)
+    if not rows and not is_label_file(path):  # a label image without objects is an answer: no rows
+        return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds)
     return Outcome(item.name, rows, done.files, seconds)
 
 
