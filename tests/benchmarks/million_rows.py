@@ -4,8 +4,8 @@ python tests/benchmarks/million_rows.py FOLDER [--rows 1000000] [--json FILE]
 
 The files are hard links to 25 tetrahedra, a tenth of which do not close, so that the disk holds few of them; with
 `rehash` each is read and hashed all the same. The rows are those of these files, with other numbers, in
-parts as `evaluate` makes them. Each step runs in a process of its own; the seconds are of the whole process, the memory is
-its largest resident set.
+parts as `evaluate` makes them. Each step runs in a process of its own; the seconds are of the whole process, the memory
+is its largest resident set.
 """
 
 import argparse
