@@ -76,6 +76,7 @@ COLUMNS = {
     "thumbnail": "string", "view": "string",
     "seconds": "double", "seconds_read": "double", "seconds_exact": "double", "seconds_relaxed": "double",
     "seconds_pictures": "double", "finished": "string",
+    "file_size": "int64", "file_modified_ns": "int64", "file_changed_ns": "int64", "file_inode": "int64",
     "content_hash": "string", "settings_hash": "string", "settings": "string", "versions": "string",
 }  # fmt: skip
 

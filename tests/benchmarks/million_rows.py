@@ -2,9 +2,10 @@
 
 python tests/benchmarks/million_rows.py FOLDER [--rows 1000000] [--json FILE]
 
-The files are hard links to 25 tetrahedra, a tenth of which do not close, so that the disk holds few of them and each is
-read and hashed all the same. The rows are those of these files, with other numbers, in parts as `evaluate` makes them.
-Each step runs in a process of its own; the seconds are of the whole process, the memory is its largest resident set.
+The files are hard links to 25 tetrahedra, a tenth of which do not close, so that the disk holds few of them; with
+`rehash` each is read and hashed all the same. The rows are those of these files, with other numbers, in
+parts as `evaluate` makes them. Each step runs in a process of its own; the seconds are of the whole process, the memory
+is its largest resident set.
 """
 
 import argparse
@@ -22,6 +23,7 @@ import pyarrow as pa
 from voxkernel import run_table
 from voxkernel.evaluation import EvaluateSettings
 from voxkernel.evaluation.analysis import analyse
+from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, stamp_of
 from voxkernel.evaluation.inputs import Item, content_hash
 from voxkernel.evaluation.settings import settings_hash, settings_text, versions_text
 
@@ -29,7 +31,8 @@ SHAPES, IN_FOLDER, IN_PART = 25, 1000, 100_000
 RESUME = """
 import sys, voxkernel
 if __name__ == "__main__":
-    result = voxkernel.evaluate(sys.argv[1] + "/in", output=sys.argv[1] + "/run")
+    settings = voxkernel.EvaluateSettings(rehash=sys.argv[3] == "rehash")
+    result = voxkernel.evaluate(sys.argv[1] + "/in", output=sys.argv[1] + "/run", settings=settings)
     assert result.n_reused == result.n_rows == int(sys.argv[2]), result
 """
 REPORT = """
@@ -62,6 +65,7 @@ def make_run(folder, n, name, labels):
         file = folder / "shapes" / f"{k:02}.off"
         (row,) = analyse(str(file), settings, name="").rows
         about = {"content_hash": content_hash(Item("", str(file))), "settings_hash": settings_hash(settings)}
+        about |= dict(zip(STAMP_COLUMNS, stamp_of(str(file)), strict=True))  # a link more has changed each
         texts = {"settings": settings_text(settings), "versions": versions_text()}
         rows.append({**row, **about, **texts, "status": "ok", "reason": ""})
     few = run_table.to_table(rows)
@@ -96,10 +100,10 @@ def one_part(folder, table, ids, labels, rng):
     return table
 
 
-def measured(script, folder, n):
+def measured(script, folder, n, option=""):
     """Seconds and largest resident set of a process, with those it starts."""
     begin = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-c", script, str(folder), str(n)])
+    process = subprocess.Popen([sys.executable, "-c", script, str(folder), str(n), option])
     _, status, used = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"the process ended with {status}")
@@ -116,9 +120,11 @@ def main():
     folder = args.folder.absolute()
     if not (folder / "run").exists():
         make_files(folder, args.rows)
+        time.sleep(3)  # what has changed just now has no stamp
         for name, labels in (("run", [None, None]), ("labelled", ["star", "not"])):
             make_run(folder, args.rows, name, labels)
     found = {"rows": args.rows, "resume": measured(RESUME, folder, args.rows)}
+    found["resume_rehash"] = measured(RESUME, folder, args.rows, "rehash")
     print(json.dumps(found), flush=True)
     found["report"] = measured(REPORT, folder, args.rows)
     found["page_megabytes"] = (folder / "report.html").stat().st_size / 1e6

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import shutil
+import time
 from contextlib import closing
 
 import fsspec
@@ -18,10 +19,11 @@ from voxkernel import as_mesh, run_table, write_report
 from voxkernel import defect_profile as profile_of
 from voxkernel import starshapeness as score_of
 from voxkernel.cli import main as cli
-from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate, resume
+from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate, file_stamp, resume
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.inputs import Item, Labels, content_hash, count_suffixes, find_items, labelled, read_labels
 from voxkernel.evaluation.settings import FEW, for_files, settings_hash
+from voxkernel.evaluation.worker import run_batch
 from voxkernel.run_index import open_index
 
 ONE = EvaluateSettings(workers=1)
@@ -439,6 +441,81 @@ def test_files_that_changed_are_found_by_one_thread_or_several(tmp_path, monkeyp
         found = resume.resumed(items, index, EvaluateSettings())
     assert [item.name for item in found.fresh] == [rows[k]["file"] for k in sorted(changed | {99})]
     assert found.n_reused == 94
+
+
+@pytest.fixture
+def stamped(tmp_path, monkeypatch):
+    """Five files that changed some time ago, the rows of a worker for them, and which are read when resumed."""
+    monkeypatch.setattr(file_stamp, "_JUST_NOW", -(10**12))
+    files = [tmp_path / f"{k}.ply" for k in range(5)]
+    for k, file in enumerate(files):
+        as_mesh(shapes.cube()).write(file)
+        os.utime(file, ns=(0, k))
+    outcomes = run_batch([Item(str(file), str(file)) for file in files], EvaluateSettings(), analyse)
+    read: list[str] = []
+
+    def reading(item):
+        read.append(os.path.basename(item.url))
+        return content_hash(item)
+
+    monkeypatch.setattr(resume, "content_hash", reading)
+    return files, [dict(row) for outcome in outcomes for row in outcome.rows], read
+
+
+def resumed_run(tmp_path, rows, **settings):
+    fs, path = run_table.open_run(str(tmp_path / "run"))
+    run_table.write_part(fs, path, rows)
+    items = [Item(row["file"], row["file"]) for row in rows]
+    with closing(open_index(fs, path, resume.COLUMNS)) as index:
+        found = resume.resumed(items, index, EvaluateSettings(**settings))
+    return [os.path.basename(item.name) for item in found.fresh]
+
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="there is no time of change")
+
+
+@POSIX
+def test_files_that_are_as_they_were_are_not_read(tmp_path, stamped):
+    """Touched ones are hashed and kept; of one size and the old time, and replaced by another file: computed."""
+    files, rows, read = stamped
+    assert rows[1]["file_size"] == files[1].stat().st_size
+    assert (rows[1]["file_modified_ns"], rows[1]["file_inode"]) == (1, files[1].stat().st_ino)
+    assert resumed_run(tmp_path, rows) == []
+    assert read == []
+    time.sleep(0.05)  # a tick of the file system's clock
+    os.utime(files[1])
+    data = files[2].read_bytes()
+    files[2].write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    os.utime(files[2], ns=(0, 2))
+    shutil.copy2(files[2], tmp_path / "other")
+    os.replace(tmp_path / "other", files[3])
+    files[4].unlink()
+    assert resumed_run(tmp_path, rows) == ["2.ply", "3.ply", "4.ply"]
+    assert sorted(read) == ["1.ply", "2.ply", "3.ply", "4.ply"]
+
+
+@POSIX
+@pytest.mark.parametrize("name", ["rehash", "old"])
+def test_every_file_is_read_where_asked_and_where_rows_have_no_stamp(tmp_path, stamped, name):
+    files, rows, read = stamped
+    if name == "old":
+        rows = [{k: v for k, v in row.items() if k not in file_stamp.STAMP_COLUMNS} for row in rows]
+    assert resumed_run(tmp_path, rows, rehash=name == "rehash") == []
+    assert sorted(read) == [file.name for file in files]
+
+
+def test_what_has_no_stamp(tmp_path, monkeypatch):
+    file = tmp_path / "x.ply"
+    file.write_text("x")
+    changed = file.stat().st_ctime_ns
+    monkeypatch.setattr(file_stamp.time, "time_ns", lambda: changed + file_stamp._JUST_NOW - 1)
+    assert file_stamp.stamp_of(str(file)) is None  # it may change again within a tick
+    monkeypatch.setattr(file_stamp.time, "time_ns", lambda: changed + file_stamp._JUST_NOW)
+    assert (file_stamp.stamp_of(str(file)) is not None) == (os.name == "posix")
+    others = (str(tmp_path), f"file://{file}", f"{file}::a", "memory://x.ply", str(tmp_path / "none.ply"), "a\0")
+    assert [file_stamp.stamp_of(path) for path in others] == [None] * 6
+    monkeypatch.setattr(file_stamp, "_TELLS_CHANGE", False)
+    assert file_stamp.stamp_of(str(file)) is None
 
 
 def test_a_folder_that_cannot_be_listed_is_an_item(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from operator import add
 import numpy as np
 import pytest
 import shapes
-from streams import assert_same
+from streams import assert_same, write_ball
 
 import voxkernel
 from voxkernel.errors import MeshError
@@ -121,22 +121,36 @@ def killed_when_at_work(mark, killed):
         time.sleep(0.02)
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are killed by a signal of POSIX")
-def test_workers_give_the_same_and_a_lost_one_is_made_up_for(cluster, tmp_path):
-    mesh = voxkernel.as_mesh(MESHES["spiky"])
-    mesh.write(tmp_path / "spiky.ply")
-    source = OnceSlow(tmp_path / "spiky.ply")
-    source.mark = str(tmp_path / "mark")
+def kernel_though_a_worker_is_killed(cluster, path, mark, chunk_facets):
+    """The kernel by two workers, one of which is killed while a chunk is in work."""
+    source = OnceSlow(path)
+    source.mark = str(mark)
     killed = []
-    killer = threading.Thread(target=killed_when_at_work, args=(tmp_path / "mark", killed))
+    killer = threading.Thread(target=killed_when_at_work, args=(mark, killed))
     killer.start()
-    surface = StreamedSurface(SurfaceReader(source, 200, None))
+    surface = StreamedSurface(SurfaceReader(source, chunk_facets, None))
     kernel = voxkernel.exact_kernel(surface, scheduler=cluster.scheduler_address)
     killer.join()
     assert len(killed) == 1
     assert killed[0] != os.getpid()
+    return kernel
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are killed by a signal of POSIX")
+def test_workers_give_the_same_and_a_lost_one_is_made_up_for(cluster, tmp_path):
+    mesh = voxkernel.as_mesh(MESHES["spiky"])
+    mesh.write(tmp_path / "spiky.ply")
+    kernel = kernel_though_a_worker_is_killed(cluster, tmp_path / "spiky.ply", tmp_path / "mark", 200)
     assert_same(kernel, voxkernel.exact_kernel(voxkernel.stream_mesh(tmp_path / "spiky.ply", chunk_facets=200)))
     assert_same(kernel, voxkernel.exact_kernel(mesh))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are killed by a signal of POSIX")
+def test_ten_million_facets_on_workers_of_which_one_is_killed(cluster, tmp_path):
+    assert write_ball(tmp_path / "ball.ply", 2237, 2237, 0.2) > 10_000_000
+    kernel = kernel_though_a_worker_is_killed(cluster, tmp_path / "ball.ply", tmp_path / "mark", 1 << 19)
+    assert_same(kernel, voxkernel.exact_kernel(voxkernel.stream_mesh(tmp_path / "ball.ply")))
 
 
 @pytest.mark.parametrize("name", ["open", "empty"])

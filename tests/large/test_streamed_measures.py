@@ -59,7 +59,7 @@ def test_a_cube_of_many_facets_is_convex():
 
 
 def test_detail_is_refused():
-    with pytest.raises(ValueError, match="`detail` must be False for a streamed surface; got True"):
+    with pytest.raises(ValueError, match="`detail` must be False for a stream, as rays need all of it at once; got"):
         voxkernel.starshapeness(voxkernel.stream_mesh(STAR), detail=True)
 
 

@@ -57,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     engine.add_argument("--memory", "--memory-limit", dest="memory_limit", metavar="SIZE",
                         help="memory of one process, such as 4GB")  # fmt: skip
     engine.add_argument("--retry-failed", action="store_true", help="try again what failed in an earlier run")
+    engine.add_argument("--rehash", action="store_true", help="hash files again that have not been touched")
 
 
 def add_label_arguments(parser: argparse.ArgumentParser) -> None:
@@ -122,7 +123,7 @@ def _settings(args: argparse.Namespace) -> Any:
             thumbnails=args.thumbnails, views=_views(args.views),
             timeout=args.timeout or None, memory_limit=args.memory_limit, workers=args.workers,
             threads=args.threads,
-            scheduler=args.scheduler, retry_failed=args.retry_failed, csv=args.csv, **options,
+            scheduler=args.scheduler, retry_failed=args.retry_failed, rehash=args.rehash, csv=args.csv, **options,
         )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise UsageError(str(error)) from error

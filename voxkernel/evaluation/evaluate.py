@@ -128,7 +128,9 @@ def evaluate(
 
     Rows are on disk about a second after they were computed, in Parquet parts that appear whole or not at all. A row
     is computed again when the SHA-256 of its file, the settings that decide what is in it, or the version of this
-    library is another; failed ones only with `retry_failed`. Rows of files that are not given this time stay.
+    library is another; failed ones only with `retry_failed`. A file whose size, times of modification and change, and
+    inode are those in its row is not read for that, unless with `rehash`. Rows of files that are not given this time
+    stay.
 
     One process writes to a run at a time: a lock on the folder sees to it, which the system frees when the process
     ends, however it ends. Object stores have no such lock. The worker processes of this machine talk over TLS with

@@ -16,6 +16,7 @@ from typing import Any
 from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
+from voxkernel.evaluation.file_stamp import FileStamp
 from voxkernel.labels import is_label_file
 from voxkernel.run_table import defused, extra_of, is_local, open_run, told
 
@@ -47,6 +48,7 @@ class Item:
     part: tuple[int, int] | None = None  # objects of a label image, the first and one behind the last
     known_hash: str = ""  # of a file in parts, whose rows also finish together
     finished: str = ""
+    known_stamp: FileStamp | None = None
 
     @property
     def suffix(self) -> str:

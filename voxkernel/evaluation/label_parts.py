@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from voxkernel.errors import VoxKernelError
+from voxkernel.evaluation.file_stamp import stamp_of
 from voxkernel.evaluation.inputs import Item, content_hash, is_private
 from voxkernel.evaluation.settings import EvaluateSettings
 from voxkernel.labels import find_objects, is_label_file, read_labels
@@ -30,8 +31,8 @@ def in_parts(items: Sequence[Item], settings: EvaluateSettings) -> list[Item]:
         if n <= _OBJECTS:
             parts.append(item)
             continue
-        whole = replace(
-            item, known_hash=content_hash(item), finished=datetime.now(UTC).isoformat(timespec="milliseconds")
-        )
+        stamp = stamp_of(item.url)  # before it is hashed
+        finished = datetime.now(UTC).isoformat(timespec="milliseconds")
+        whole = replace(item, known_hash=content_hash(item), finished=finished, known_stamp=stamp)
         parts += [replace(whole, part=(k, min(n, k + _OBJECTS))) for k in range(0, n, _OBJECTS)]
     return parts

@@ -1,4 +1,4 @@
-"""What of a data set an earlier run has computed already, told by keys and hashes alone."""
+"""What of a data set an earlier run has computed already, told by keys, stamps and hashes alone."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, are_untouched
 from voxkernel.evaluation.inputs import Item, content_hash
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash
 from voxkernel.run_index import RunIndex
 
 __all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
 
-COLUMNS = ("label", "status", "n_objects", "view")  # beside the keys
+COLUMNS = ("label", "status", "n_objects", "view", *STAMP_COLUMNS)  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
 _QUICK = 1e-4  # seconds to read and hash a small file, and no more
@@ -48,7 +49,13 @@ def resumed(items: Sequence[Item], index: RunIndex, settings: EvaluateSettings) 
         views = np.fromiter((item.view for item in items), bool, len(items))
         wanted &= ~views | known.needs_no_view[first]
     candidates = np.flatnonzero(wanted)
-    is_same = np.fromiter(_same(items, candidates, first, index.keys["content_hash"]), bool, len(candidates))
+    is_same = np.zeros(len(candidates), bool)
+    if len(candidates) and not settings.rehash:
+        stamps = index.keys.select(STAMP_COLUMNS).take(optional("pyarrow").array(first[candidates]))
+        paths = ["" if items[i].data is not None else items[i].url for i in candidates.tolist()]
+        is_same = are_untouched(paths, stamps)
+    to_read = candidates[~is_same]
+    is_same[~is_same] = np.fromiter(_same(items, to_read, first, index.keys["content_hash"]), bool, len(to_read))
     reused = np.zeros(len(items), bool)
     reused[candidates[is_same]] = True
     places, labels = known.relabelled(items, np.flatnonzero(reused), first)

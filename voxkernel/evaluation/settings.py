@@ -72,6 +72,8 @@ class EvaluateSettings(InNotebooks):
         Address of a Dask scheduler to use instead, such as "tcp://10.0.0.1:8786".
     retry_failed : bool
         Try again what failed in an earlier run.
+    rehash : bool
+        Read and hash every file of an earlier run again, also those whose size, times and inode are as they were.
     csv : bool
         Write `rows.csv` as well.
     guards : float, optional
@@ -110,6 +112,7 @@ class EvaluateSettings(InNotebooks):
     csv: bool = False
     guards: float | None = None
     threads: int = 1
+    rehash: bool = False
 
     def __post_init__(self) -> None:
         """Check every value before anything is computed."""

@@ -20,6 +20,7 @@ from typing import Any
 from voxkernel._extras import optional
 from voxkernel.errors import VoxKernelError
 from voxkernel.evaluation.analysis import Analysis, analyse, warm_up
+from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, FileStamp, stamp_of
 from voxkernel.evaluation.inputs import Item, content_hash, local_copy
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash, settings_text, versions_text
 from voxkernel.labels import is_label_file
@@ -54,9 +55,17 @@ def run_batch(items: Sequence[Item], settings: EvaluateSettings, analysis: Analy
     return [_evaluated(item, settings, analysis) for item in items]
 
 
-def failed_outcome(item: Item, settings: EvaluateSettings, reason: str, *, known_hash: str, seconds: float) -> Outcome:
+def failed_outcome(
+    item: Item,
+    settings: EvaluateSettings,
+    reason: str,
+    *,
+    known_hash: str,
+    seconds: float,
+    stamp: FileStamp | None = None,
+) -> Outcome:
     """Give the row of a mesh that could not be evaluated."""
-    row = {**_about(item, settings, known_hash, seconds), "status": "failed", "reason": reason}
+    row = {**_about(item, settings, known_hash, seconds, stamp), "status": "failed", "reason": reason}
     return Outcome(item.name, (row,), seconds=seconds)
 
 
@@ -77,12 +86,15 @@ def _versions() -> str:
     return versions_text()
 
 
-def _about(item: Item, settings: EvaluateSettings, known_hash: str, seconds: float) -> dict[str, Any]:
+def _about(
+    item: Item, settings: EvaluateSettings, known_hash: str, seconds: float, stamp: FileStamp | None
+) -> dict[str, Any]:
     """Give the columns every row has."""
     return {
         "file": item.name,
         "label": item.label,
         "content_hash": known_hash,
+        **(dict(zip(STAMP_COLUMNS, stamp, strict=True)) if stamp and known_hash else {}),
         "settings_hash": settings_hash(settings),
         "settings": settings_text(settings),
         "versions": _versions(),
@@ -94,6 +106,7 @@ def _about(item: Item, settings: EvaluateSettings, known_hash: str, seconds: flo
 def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Outcome:
     begin = perf_counter()
     known_hash, path = "", ""
+    stamp = item.known_stamp if item.known_hash or item.data is not None else stamp_of(item.url)  # before it is read
     try:
         with _limited(settings), local_copy(item, _worker_folder()) as (path, known_hash):
             picture = f"{(known_hash or 'unreadable')[:24]}-{settings_hash(settings)[:8]}"
@@ -104,12 +117,12 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
         reason = _reason(error, settings)
         reason = reason.replace(path, item.name) if path else reason
         known_hash = known_hash or content_hash(item)
-        return failed_outcome(item, settings, reason, known_hash=known_hash, seconds=seconds)
+        return failed_outcome(item, settings, reason, known_hash=known_hash, seconds=seconds, stamp=stamp)
     seconds = perf_counter() - begin
-    about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)))
+    about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)), stamp)
     rows = tuple({**about, "status": "ok", "reason": "", **row} for row in done.rows)
     if not rows and not is_label_file(path):  # a label image without objects is an answer: no rows
-        return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds)
+        return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds, stamp=stamp)
     return Outcome(item.name, rows, done.files, seconds)
 
 

@@ -171,7 +171,8 @@ def starshapeness(
         Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
     detail : bool or "guards"
         Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
-        and 0.1, as well; "guards": `guards` only. Not of a streamed surface.
+        and 0.1, as well; "guards": `guards` only. Not of a streamed surface: rays and guards
+        need all of its triangles at once, in memory.
 
     Returns
     -------
@@ -205,7 +206,7 @@ def starshapeness(
     share = as_positive("gap", gap)
     if isinstance(surface, StreamedSurface):
         if detail:
-            raise ValueError(f"`detail` must be False for a streamed surface; got {detail!r}")
+            raise ValueError(f"`detail` must be False for a stream, as rays need all of it at once; got {detail!r}")
         return _of_stream(reader_of(surface, facets), domain, share)
     mesh = as_mesh(surface, facets=facets)
     return score_of_planes(mesh, surface_argument(mesh), domain, share, detail=detail)

@@ -96,4 +96,4 @@ def boundary_loops(
     if len(border) == 0:
         return ()
     vertices, starts = _core.boundary_loops(faces, n_vertices, border)
-    return tuple(vertices[first:last] for first, last in pairwise(starts.tolist()))
+    return tuple(vertices[first:last] for first, last in pairwise(starts))  # a list of a million numbers is 40 MB
