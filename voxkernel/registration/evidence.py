@@ -18,6 +18,7 @@ _AROUND = 16  # neighbours over which offsets are averaged
 _MOVED = 0.14  # how far surfaces are slid, radians or of the mean arm: 8 degrees
 _FORESEEN = 0.25  # of the mean square that the slide foresees
 _BESIDE_NOISE = 0.5  # of the mean square before the slide
+_ROUNDED = 1e-8  # of the size of the pair: what rounding of coordinates may leave of an offset
 
 
 class Fit(NamedTuple):
@@ -165,7 +166,7 @@ def slides(source: Side, target: Side, motion: NDArray[np.float64], fit: Fit, sl
     before = float(areas @ fit.offsets[slack.own][inside] ** 2 / areas.sum())
     foreseen = _MOVED**2 * float(slack.values[way]) * slack.arm**2
     grown = min(_grown(points, areas, sides[1], there, slack, way, sign * _MOVED) for sign in (-1.0, 1.0)) - before
-    return grown < max(_FORESEEN * foreseen, _BESIDE_NOISE * before)
+    return grown < max(_FORESEEN * foreseen, _BESIDE_NOISE * before, _ROUNDED**2)
 
 
 def _grown(
