@@ -103,6 +103,54 @@ def test_another_size_is_refused_named_and_estimated(size):
     np.testing.assert_allclose(found.apply(whole[0]), target[0], atol=1e-3)
 
 
+def grid_faces(rows, columns, *, closed):
+    """Two triangles for each cell of a grid of vertices, whose rows may close to rings."""
+    row, column = (a.ravel() for a in np.indices((rows - 1, columns if closed else columns - 1)))
+    p, q = row * columns + column, row * columns + (column + 1) % columns
+    return np.concatenate([
+        np.column_stack([p, q, q + columns]), np.column_stack([p, q + columns, p + columns])
+    ])  # fmt: skip
+
+
+def vase(around, along):
+    """A body of revolution without lids, wider and narrower along its axis."""
+    t, angle = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 1.0, along), np.arange(around), indexing="ij"))
+    radius, angle = 0.4 + 0.2 * np.sin(5.0 * t) * (1.0 - 0.3 * t), 2.0 * np.pi * angle / around
+    vertices = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 1.3 * t])
+    return vertices, grid_faces(along, around, closed=True)
+
+
+def wave(hill):
+    """A wave along y with one low hill on it, which alone keeps it from sliding along y."""
+    y, x = (a.ravel() for a in np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-1, 1, 41), indexing="ij"))
+    low = hill * np.exp(-8.0 * (x + 0.3) ** 2 - 9.0 * (y - 0.2) ** 2)
+    return np.column_stack([x, y, 0.3 * np.exp(-2.0 * (x - 0.2) ** 2) + low]), grid_faces(33, 41, closed=False)
+
+
+@pytest.mark.parametrize("other", [(60, 40), (37, 25)])
+def test_bodies_of_revolution_slide_in_one_way_in_whatever_facets(other):
+    found = register(vase(60, 40), away(vase(*other), 3)[1])
+    assert (found.verdict, found.ambiguous) == ("uncertain", True)
+    assert "the surfaces slide on each other in one way" in found.reason
+
+
+@pytest.mark.parametrize(("hill", "noise", "verdict"), [
+    (0.03, 0.0, "right"), (0.03, 0.015, "uncertain"), (0.06, 0.005, "right"),
+])  # fmt: skip
+def test_a_low_hill_holds_a_wave_unless_noise_hides_it(hill, noise, verdict):
+    """The hill leaves a smallest eigenvalue of 0.0004 or 0.0015 of the largest: what counts is whether offsets grow."""
+    whole = wave(hill)
+    vertices, faces = part(whole, -1.0, 0.75)
+    vertices += np.random.default_rng(1).normal(size=vertices.shape) * noise
+    motion, target = away((vertices, faces), 3)
+    found = register(whole, target)
+    assert (found.verdict, found.ambiguous) == (verdict, verdict == "uncertain")
+    if verdict == "right":
+        assert off(found.T_target_source, motion, vertices) < 5e-3
+    else:
+        assert "the surfaces slide on each other" in found.reason
+
+
 @pytest.mark.slow
 def test_the_mirror_image_is_not_right():
     whole = hills()

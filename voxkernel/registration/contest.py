@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel.registration.evidence import Evidence, Fit, evidence_of, fit_of, slack_of
+from voxkernel.registration.evidence import Evidence, Fit, evidence_of, fit_of, slack_of, slides
 from voxkernel.registration.features import feature_motions, feature_points
 from voxkernel.registration.motions import scaled
 from voxkernel.registration.parts import moments_of_part, smooth_parts
@@ -243,9 +243,14 @@ class Contest:
         fit = self.fit(motion)
         return End(fit.rank, after._replace(transform=motion), end.guess, fit, whole=True)
 
-    def slack(self, end: End) -> NDArray[np.float64]:
-        """How firmly the surfaces hold each other: six eigenvalues, ascending, 0 for a motion that slides freely."""
-        return slack_of(*self.sides, end.fit) if end.whole else np.zeros(6)
+    def slides(self, end: End, below: float) -> int:
+        """Count the ways in which the surfaces slide on each other, of those held less than `below` of the firmest."""
+        if not end.whole:
+            return 6
+        slack = slack_of(*self.sides, end.fit)
+        soft = np.flatnonzero(slack.values < below * slack.values[-1]) if slack.values[-1] > 0.0 else range(6)
+        motion = end.polished.transform
+        return sum(slides(*self.sides, motion, end.fit, slack, int(way)) for way in soft)
 
     def better_size(self, end: End) -> tuple[float, float, NDArray[np.float64]]:
         """The scale at which the surfaces would fit better, the standard error of its logarithm, the similarity."""

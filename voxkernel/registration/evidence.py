@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from voxkernel.registration.side import Side
 
-__all__ = ["Evidence", "Fit", "evidence_of", "fit_of", "slack_of"]
+__all__ = ["Evidence", "Fit", "Slack", "evidence_of", "fit_of", "slack_of", "slides"]
 
 _FACING = 0.5  # cosine between normals that counts as facing the same way
 _BESIDE = 5.0  # reaches within which a surface that goes on beside the other one contradicts the motion
 _PENALTY = 0.6  # of a contradicted area, against an explained one
 _AROUND = 16  # neighbours over which offsets are averaged
+_MOVED = 0.14  # how far surfaces are slid, radians or of the mean arm: 8 degrees
+_FORESEEN = 0.25  # of the mean square that the slide foresees
+_BESIDE_NOISE = 0.5  # of the mean square before the slide
+_ROUNDED = 1e-8  # of the size of the pair: what rounding of coordinates may leave of an offset
 
 
 class Fit(NamedTuple):
@@ -100,7 +104,7 @@ def evidence_of(source: Side, target: Side, motion: NDArray[np.float64], fit: Fi
         noise += float(areas @ rest)
         turned += float(areas @ (1.0 - cosines[inside]))
         total += float(areas.sum())
-    values = slack_of(source, target, fit)
+    values = slack_of(source, target, fit).values
     small = min(float(np.linalg.norm(np.ptp(s.points, axis=0))) for s in sides)
     return Evidence(
         max(shares), min(shares), sum(explained) / max(sum(explained) + sum(against), 1e-300),
@@ -111,21 +115,72 @@ def evidence_of(source: Side, target: Side, motion: NDArray[np.float64], fit: Fi
     )  # fmt: skip
 
 
-def slack_of(source: Side, target: Side, fit: Fit) -> NDArray[np.float64]:
+class Slack(NamedTuple):
     """How firmly the surfaces hold each other: six eigenvalues, ascending, 0 for a motion that slides freely.
 
-    Of the mean of (p x n, n)(p x n, n)^T over what is explained, lengths scaled so that rotations
-    and shifts compare [1]_; of the surface that is held less.
+    Their directions, about `center` and with turns in units of `arm`, are those of the surface that is held less,
+    number `own`.
+    """
+
+    values: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    center: NDArray[np.float64]
+    arm: float
+    own: int
+
+
+def slack_of(source: Side, target: Side, fit: Fit) -> Slack:
+    """Eigenvalues and vectors of the mean of (p x n, n)(p x n, n)^T over what is explained [1]_.
+
+    Lengths are scaled so that rotations and shifts compare.
 
     .. [1] N. Gelfand et al., "Geometrically stable sampling for the ICP algorithm", 3DIM 2003.
     """
-    found: list[NDArray[np.float64]] = []
-    for side, inside in zip((source, target), fit.explained, strict=True):
+    found: list[Slack] = []
+    for own, (side, inside) in enumerate(zip((source, target), fit.explained, strict=True)):
         if inside.sum() < 6:
-            return np.zeros(6)
-        arms = side.points[inside] - side.points[inside].mean(axis=0)
-        arms /= float(np.sqrt((arms**2).sum(axis=1).mean())) or 1.0
-        rows = np.hstack([np.cross(arms, side.normals[inside]), side.normals[inside]])
+            return Slack(np.zeros(6), np.eye(6), np.zeros(3), 1.0, own)
+        center = side.points[inside].mean(axis=0)
+        arms = side.points[inside] - center
+        arm = float(np.sqrt((arms**2).sum(axis=1).mean())) or 1.0
+        rows = np.hstack([np.cross(arms / arm, side.normals[inside]), side.normals[inside]])
         matrix = (rows * side.areas[inside][:, None]).T @ rows / side.areas[inside].sum()
-        found.append(np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64))
-    return min(found, key=lambda values: float(values[0] / values[-1]))
+        values, directions = np.linalg.eigh(matrix)
+        found.append(Slack(np.asarray(values, np.float64), np.asarray(directions, np.float64), center, arm, own))
+    return min(found, key=lambda s: float(s.values[0] / s.values[-1]))
+
+
+def slides(source: Side, target: Side, motion: NDArray[np.float64], fit: Fit, slack: Slack, way: int) -> bool:
+    """Whether the surfaces still lie on each other after a small motion along a direction of `slack`.
+
+    A direction may be soft because the surfaces are smooth and yet lead away from the fit: then offsets grow as the
+    eigenvalue says and beyond what they are without it. Between bodies of revolution they stay those of the facets,
+    and under noise those of the noise.
+    """
+    sides = (source, target) if slack.own == 0 else (target, source)
+    there = motion if slack.own == 0 else np.asarray(np.linalg.inv(motion), np.float64)
+    inside, own = fit.explained[slack.own], sides[0]
+    points, areas = own.points[inside], own.areas[inside]
+    if len(points) < 6:
+        return True
+    before = float(areas @ fit.offsets[slack.own][inside] ** 2 / areas.sum())
+    foreseen = _MOVED**2 * float(slack.values[way]) * slack.arm**2
+    grown = min(_grown(points, areas, sides[1], there, slack, way, sign * _MOVED) for sign in (-1.0, 1.0)) - before
+    return grown < max(_FORESEEN * foreseen, _BESIDE_NOISE * before, _ROUNDED**2)
+
+
+def _grown(
+    points: NDArray[np.float64], areas: NDArray[np.float64], other: Side, there: NDArray[np.float64], slack: Slack,
+    way: int, much: float,
+) -> float:  # fmt: skip
+    """Mean square of the distances to the other surface after a motion, where that does not end."""
+    from scipy.spatial.transform import Rotation
+
+    step = much * slack.directions[:, way]
+    turn = Rotation.from_rotvec(step[:3]).as_matrix()
+    shifted = (points - slack.center) @ turn.T + slack.center + slack.arm * step[3:]
+    found = other.nearest(shifted @ there[:3, :3].T + there[:3, 3])
+    inner = ~found.on_rim
+    if inner.sum() < 6:
+        return 0.0
+    return float(areas[inner] @ found.distances[inner] ** 2 / areas[inner].sum())

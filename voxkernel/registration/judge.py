@@ -19,7 +19,7 @@ _BELIEVED = 0.5  # a probability from which an end is preferred to one that expl
 _OTHER_SIZE = 0.02
 _OTHERWISE = 0.02  # the most that is believed where another size fits better
 _EQUAL_RANKS = 0.02
-_SLIDES = 4e-3
+_SLIDES = 4e-3  # of the largest eigenvalue: a direction that may be free
 
 
 class Judged(NamedTuple):
@@ -88,9 +88,8 @@ class Judge:
 
     def doubt(self, best: End) -> str:
         """Say why the answer is one of several, or nothing; what is no match by itself is no other answer."""
-        held = self.contest.slack(best)
-        if held[0] < _SLIDES * held[-1]:
-            free = int((held < _SLIDES * held[-1]).sum())
+        free = self.contest.slides(best, _SLIDES)
+        if free:
             ways = "one way" if free == 1 else f"{free} ways"
             return f"the surfaces slide on each other in {ways}, as spheres and bodies of revolution do"
         is_believed = self.of(best).probability >= _BELIEVED
