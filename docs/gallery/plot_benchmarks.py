@@ -22,15 +22,16 @@ def seconds(run):
 
 
 every, octree = seconds("2026-11-22-all"), seconds("2026-11-22-octree")
+exact = seconds("2026-11-27-exact")
 
 # %%
 # Time against facets
 # -------------------
 # The exact kernel beside SciPy (HiGHS over all rows, then Qhull), on bodies whose kernels have few, many, and as many
-# faces as the surface. Measured by ``python -m pytest tests/benchmarks/test_exact_kernel.py``, run "all".
+# faces as the surface. Measured by ``python -m pytest tests/benchmarks/test_exact_kernel.py`` on 2026-11-27.
 chart, axes = plt.subplots(1, 3, figsize=(12, 3.9), sharey=True, layout="constrained")
 for panel, kind in zip(axes, ("small", "medium", "large"), strict=True):
-    found = [every[f"test_exact_kernel[{kind}-{n}]"] for n in (1_000, 10_000, 100_000, 1_000_000)]
+    found = [exact[f"test_exact_kernel[{kind}-{n}]"] for n in (1_000, 10_000, 100_000, 1_000_000)]
     facets = [int(case.split()[0]) for case, _ in found]
     for rival, color, mark in (("scipy", "#5d6b7a", "s--"), ("voxkernel", "#e8650a", "o-")):
         panel.loglog(facets, [times[rival] for _, times in found], mark, color=color, label=rival)

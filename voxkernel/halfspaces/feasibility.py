@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel._checks import as_depth
 from voxkernel._core import find_deep_point
 from voxkernel._frozen import Frozen
 from voxkernel.errors import SolverError
@@ -96,13 +97,19 @@ def find_feasibility(halfspaces: HalfSpaces, *, threads: int = 1) -> Feasibility
     halfspaces : HalfSpaces
         At least one.
     threads : int
-        Threads, at least 1; the result does not depend on it.
+        Threads, 1 to 256; the result does not depend on it.
 
     Returns
     -------
     Feasibility
         dimension -1 (empty) to 3, with a point or witnesses.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `threads` is no integer from 1 to 256.
     """
+    threads = as_depth("threads", threads, 1, 256)
     rows, passes, answer = _float_stage(halfspaces, threads)
     if answer is not None:
         return answer
