@@ -12,7 +12,7 @@ import shapes
 
 import voxkernel
 from voxkernel.exact import kernel_of_halfspaces
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import HalfSpaces, find_feasibility
 from voxkernel.polyhedral import PolyhedralMesh
 from voxkernel.registration import prepare_surface
 from voxkernel.view import open_viewer, slider_page
@@ -116,6 +116,7 @@ SPHERE = voxkernel.spherical_map(CUBE)
 SAMPLES, HARMONICS = SPHERE.sample(n=8), SPHERE.harmonics(2)
 CALLS = {
     "HalfSpaces.coplanar_groups": lambda **o: HalfSpaces.from_planes([[1, 0, 0]], [1]).coplanar_groups(**o),
+    "find_feasibility": lambda **o: find_feasibility(HalfSpaces.from_planes([[1, 0, 0]], [1]), **o),
     "kernel_of_halfspaces": lambda **o: kernel_of_halfspaces(HalfSpaces.from_planes([[1, 0, 0]], [1]), None, **o),
     "HalfSpaces.from_mesh": lambda **o: voxkernel.HalfSpaces.from_mesh(voxkernel.as_mesh(CUBE), **o),
     "EvaluateSettings": voxkernel.EvaluateSettings,
