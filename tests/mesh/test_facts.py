@@ -1,5 +1,6 @@
 """Facts of damaged surfaces against a slow formulation of them, and what the compiled loops do beyond."""
 
+import pickle
 import signal
 
 import facts_oracle
@@ -8,7 +9,7 @@ import pytest
 import shapes
 
 from voxkernel import _core
-from voxkernel.mesh import TriangleMesh, surface_sums
+from voxkernel.mesh import TriangleMesh, as_mesh, surface_sums
 
 EXACT = [
     "is_closed",
@@ -176,6 +177,32 @@ def test_parts_are_numbered_by_their_first_triangle():
     *_, n_parts, parts = _core.surface_edges(mixed, len(vertices))
     assert n_parts == 2
     assert parts.tolist() == [-1] + [0] * half + [1] * half
+
+
+def test_loops_are_a_sequence(rng):
+    """Arrays of int64 that are read-only; from either end, in slices, after a pickle."""
+    faces = np.arange(30).reshape(10, 3)
+    loops = as_mesh((rng.normal(size=(30, 3)), faces)).facts().boundary_loops
+    assert len(loops) == 10
+    assert [loop.tolist() for loop in loops] == faces.tolist()
+    assert loops[-1].tolist() == faces[-1].tolist()
+    assert [loop.tolist() for loop in loops[2:8:3]] == faces[2:8:3].tolist()
+    assert (loops[0].dtype, loops[0].flags.writeable) == (np.int64, False)
+    with pytest.raises(IndexError):
+        loops[10]
+    assert [loop.tolist() for loop in pickle.loads(pickle.dumps(loops))] == faces.tolist()
+    assert repr(loops) == "BoundaryLoops(10 loops, 30 vertices)"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_loops_of_wide_numbers_are_those_of_narrow_ones(seed):
+    rng = np.random.default_rng(seed)
+    _, faces = soup(rng, 40, 60)
+    border = _core.surface_edges(faces, 40)[4]
+    narrow, wide = (_core.boundary_loops(faces, 40, border, is_wide) for is_wide in (False, True))
+    assert {part.dtype.name for part in narrow} == {"int32"}
+    assert {part.dtype.name for part in wide} == {"int64"}
+    assert all(map(np.array_equal, narrow, wide))
 
 
 def test_memory_that_is_not_there():

@@ -335,7 +335,7 @@ def test_closed_solids(name):
     assert facts.is_closed
     assert facts.is_oriented
     assert facts.is_outward is True
-    assert facts.boundary_loops == ()
+    assert len(facts.boundary_loops) == 0
     assert facts.n_boundary_edges == facts.n_nonmanifold_edges == facts.n_duplicate_facets == 0
     assert facts.genus == genus
     assert facts.n_components == parts

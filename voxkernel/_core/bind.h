@@ -6,10 +6,12 @@
 #include <nanobind/stl/tuple.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <memory>
 #include <utility>
 #include <vector>
 
+#include "growing_array.h"
 #include "spans.h"
 #include "stop.h"
 
@@ -38,6 +40,14 @@ Rows<T, static_cast<int>(N)> rows(const Array2<T, N>& array) {
   return {array.data(), static_cast<Index>(array.shape(0))};
 }
 
+// A new array that takes over one that has grown.
+template <typename T>
+Array1<T> take_array(GrowingArray<T>& values) {
+  const auto n = static_cast<std::size_t>(values.size());
+  T* data = values.release();
+  nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
+  return Array1<T>(data, {n}, owner);
+}
 // A new array that takes over a vector.
 template <typename T>
 Array1<T> to_array(std::vector<T>&& values) {

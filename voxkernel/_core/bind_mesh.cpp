@@ -1,9 +1,22 @@
+#include <cstdint>
+
 #include "bind.h"
 #include "boundary_loops.h"
 #include "duplicate_facets.h"
 #include "surface_edges.h"
 
 namespace voxkernel {
+
+namespace {
+
+template <typename Id>
+nb::tuple loops_of(Array2<const Index, 3> faces, Index n_vertices, Array1<const Index> border) {
+  Loops<Id> loops;
+  without_lock([&](Stop& stop) { find_boundary_loops<Id>(rows(faces), n_vertices, span(border), loops, stop); });
+  return nb::make_tuple(take_array(loops.vertices), take_array(loops.starts));
+}
+
+}  // namespace
 
 void bind_mesh(nb::module_& m) {
   m.def(
@@ -20,13 +33,14 @@ void bind_mesh(nb::module_& m) {
       "whether oriented, components by vertices, fans; parts by edges and that of each triangle.");
   m.def(
       "boundary_loops",
-      [](Array2<const Index, 3> faces, Index n_vertices, Array1<const Index> border) {
-        Loops loops =
-            without_lock([&](Stop& stop) { return boundary_loops(rows(faces), n_vertices, span(border), stop); });
-        return std::make_tuple(to_read_only(std::move(loops.vertices)), to_array(std::move(loops.starts)));
+      [](Array2<const Index, 3> faces, Index n_vertices, Array1<const Index> border, bool is_wide) {
+        return !is_wide && is_small_border(n_vertices, span(border))
+                   ? loops_of<std::int32_t>(faces, n_vertices, border)
+                   : loops_of<std::int64_t>(faces, n_vertices, border);
       },
-      array("faces"), nb::arg("n_vertices"), array("border"),
-      "Chain half-edges into simple loops of vertices; and where each loop starts, and the end.");
+      array("faces"), nb::arg("n_vertices"), array("border"), nb::arg("is_wide") = false,
+      "Chain half-edges into simple loops of vertices; and where each loop starts, and the end. Of 32 bits where these "
+      "do.");
   m.def(
       "duplicate_facets",
       [](Array2<const Index, 3> faces, Array1<const Index> facet_ids, Index n_vertices, bool is_wide) {

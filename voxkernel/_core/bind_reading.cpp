@@ -18,14 +18,6 @@ namespace voxkernel {
 
 namespace {
 
-template <typename T>
-Array1<T> take_array(GrowingArray<T>& values) {
-  const auto n = static_cast<std::size_t>(values.size());
-  T* data = values.release();
-  nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
-  return Array1<T>(data, {n}, owner);
-}
-
 Array2<double, 3> take_points(GrowingArray<double>& values) {
   const auto n = static_cast<std::size_t>(values.size()) / 3;
   double* data = values.release();

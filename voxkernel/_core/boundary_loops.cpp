@@ -1,35 +1,43 @@
 #include "boundary_loops.h"
 
 #include <cstdint>
+#include <limits>
+#include <vector>
 
 #include "pages.h"
 
 namespace voxkernel {
 namespace {
 
-constexpr Index kNone = -1;
+constexpr int kNone = -1;
+constexpr Index kMost32 = std::numeric_limits<std::int32_t>::max();
 
-// The half-edges that begin, or end, at each vertex: lists, from which the last one is taken first.
+// The half-edges that begin, or end, at each vertex: lists, from which the last one is taken first. Most have one.
+template <typename Id>
 class EdgesAtVertices {
  public:
-  EdgesAtVertices(Index n_vertices, Index n_edges) : last_(n_vertices, kNone), before_(n_edges) {}
+  EdgesAtVertices(Index n_vertices, Index n_edges) : last_(n_vertices, Id{kNone}), n_edges_(n_edges) {}
 
   void add(Index vertex, Index edge) {
-    before_[edge] = last_[vertex];
-    last_[vertex] = edge;
+    const Id before = last_[vertex];
+    if (before != kNone && before_.empty()) before_.assign(n_edges_, Id{kNone});
+    if (before != kNone) before_[edge] = before;
+    last_[vertex] = static_cast<Id>(edge);
   }
   // `kNone` where there is none left.
   Index take(Index vertex) {
-    const Index edge = last_[vertex];
-    if (edge != kNone) last_[vertex] = before_[edge];
+    const Id edge = last_[vertex];
+    if (edge != kNone) last_[vertex] = before_.empty() ? Id{kNone} : before_[edge];
     return edge;
   }
 
  private:
-  Brief<Index> last_;
-  Brief<Index> before_;
+  Brief<Id> last_;
+  Brief<Id> before_;  // empty until a vertex has two
+  Index n_edges_;
 };
 
+template <typename Id>
 class Border {
  public:
   Border(Triangles faces, Index n_vertices, Indices border)
@@ -57,7 +65,7 @@ class Border {
   }
 
  private:
-  Index take(EdgesAtVertices& edges, Index vertex) {
+  Index take(EdgesAtVertices<Id>& edges, Index vertex) {
     for (Index edge = edges.take(vertex); edge != kNone; edge = edges.take(vertex)) {
       if (is_used_[edge] != 0) continue;
       is_used_[edge] = 1;
@@ -68,25 +76,30 @@ class Border {
 
   Triangles faces_;
   Indices border_;
-  EdgesAtVertices outgoing_, incoming_;
+  EdgesAtVertices<Id> outgoing_, incoming_;
   Brief<std::uint8_t> is_used_;
 };
 
 }  // namespace
 
-Loops boundary_loops(Triangles faces, Index n_vertices, Indices border, Stop& stop) {
-  Border edges(faces, n_vertices, border);
-  Brief<Index> place(n_vertices, kNone);  // on the path
+bool is_small_border(Index n_vertices, Indices border) {
+  // A chain of k half-edges that ends has k + 1 vertices.
+  return n_vertices <= kMost32 && 2 * border.size() <= kMost32;
+}
+
+template <typename Id>
+void find_boundary_loops(Triangles faces, Index n_vertices, Indices border, Loops<Id>& loops, Stop& stop) {
+  Border<Id> edges(faces, n_vertices, border);
+  Brief<Id> place(n_vertices, Id{kNone});  // on the path
   std::vector<Index> path;
-  Loops loops;
   const auto give = [&](Index first) {
     for (Index i = first; i < static_cast<Index>(path.size()); ++i) {
-      loops.vertices.push_back(path[i]);
+      loops.vertices.push(static_cast<Id>(path[i]));
       place[path[i]] = kNone;
     }
-    loops.starts.push_back(static_cast<Index>(loops.vertices.size()));
+    loops.starts.push(static_cast<Id>(loops.vertices.size()));
   };
-  loops.starts.push_back(0);
+  loops.starts.push(0);
   for (Index edge = 0; edge < edges.size(); ++edge) {
     if (edges.is_used(edge)) continue;
     path.assign(1, edges.tail(edge));
@@ -95,13 +108,13 @@ Loops boundary_loops(Triangles faces, Index n_vertices, Indices border, Stop& st
       stop.poll();
       const Index first = place[vertex];
       if (first == kNone) {
-        place[vertex] = static_cast<Index>(path.size());
+        place[vertex] = static_cast<Id>(path.size());
         path.push_back(vertex);
         continue;
       }
       give(first);  // a simple loop is closed: take it off the path, but for where it began
       path.resize(first + 1);
-      place[vertex] = first;
+      place[vertex] = static_cast<Id>(first);
     }
     if (path.size() > 1) {
       give(0);
@@ -109,7 +122,9 @@ Loops boundary_loops(Triangles faces, Index n_vertices, Indices border, Stop& st
       place[path[0]] = kNone;
     }
   }
-  return loops;
 }
+
+template void find_boundary_loops(Triangles, Index, Indices, Loops<std::int32_t>&, Stop&);
+template void find_boundary_loops(Triangles, Index, Indices, Loops<std::int64_t>&, Stop&);
 
 }  // namespace voxkernel

@@ -1,6 +1,5 @@
-"""The edges of triangles: which are shared, which are on the border and which loops these form."""
+"""The edges of triangles: which are shared, and which are on the border."""
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from voxkernel import _core
 from voxkernel.mesh.connected_components import components
 
-__all__ = ["HalfEdges", "SurfaceEdges", "boundary_loops", "edge_parts", "half_edges", "surface_edges"]
+__all__ = ["HalfEdges", "SurfaceEdges", "edge_parts", "half_edges", "surface_edges"]
 
 
 class HalfEdges(NamedTuple):
@@ -87,13 +86,3 @@ def edge_parts(edges: HalfEdges, n_faces: int) -> tuple[int, NDArray[np.int32]]:
 def surface_edges(faces: NDArray[np.int64], n_vertices: int) -> SurfaceEdges:
     """Every fact of the edges, in linear time and some 45 bytes a triangle."""
     return SurfaceEdges(*_core.surface_edges(faces, n_vertices))
-
-
-def boundary_loops(
-    faces: NDArray[np.int64], n_vertices: int, border: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], ...]:
-    """Chain boundary half-edges into simple loops, in the order in which they close."""
-    if len(border) == 0:
-        return ()
-    vertices, starts = _core.boundary_loops(faces, n_vertices, border)
-    return tuple(vertices[first:last] for first, last in pairwise(starts))  # a list of a million numbers is 40 MB

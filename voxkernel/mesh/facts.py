@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel._core import duplicate_facets
 from voxkernel._frozen import Frozen
-from voxkernel.mesh.edges import boundary_loops, surface_edges
+from voxkernel.mesh.boundary_loops import BoundaryLoops, boundary_loops
+from voxkernel.mesh.edges import surface_edges
 from voxkernel.mesh.surface_sums import surface_sums
 from voxkernel.mesh.triangles import bounds_of, scale_exponent, unscaled
 from voxkernel.mesh.zero_area import is_degenerate
@@ -28,7 +29,7 @@ class MeshFacts(Frozen):
         Every edge is shared by exactly two triangles: no boundary edge, no non-manifold edge.
     n_boundary_edges, n_nonmanifold_edges : int
         Edges of one triangle; edges of three or more.
-    boundary_loops : tuple of (k,) int64 arrays
+    boundary_loops : sequence of (k,) int64 arrays
         The boundary as simple vertex loops, in the direction the triangles traverse it. Each boundary
         edge is in one loop; a chain that ends at non-manifold edges is given as it is.
     is_oriented : bool
@@ -74,7 +75,7 @@ class MeshFacts(Frozen):
     n_facets: int
     is_closed: bool
     n_boundary_edges: int
-    boundary_loops: tuple[NDArray[np.int64], ...]
+    boundary_loops: BoundaryLoops
     n_nonmanifold_edges: int
     is_oriented: bool
     is_outward: bool | None
