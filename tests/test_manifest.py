@@ -145,22 +145,22 @@ def _outward(vertices, polygons):
 
 
 def test_voronoi_cells(data_dir):
-    """Every third cell. About half the polygons have corners up to 2e-2 off a plane: these cells are not convex."""
+    """Every sixth cell. About half the polygons have corners up to 2e-2 off a plane: these cells are not convex."""
     cells = _voronoi(data_dir / "polyhedral" / "cinolib_eight_voronoi.hedra")
     assert len(cells) == 2162
     dimensions = []
-    for k, (vertices, polygons) in enumerate(cells[::3]):
+    for k, (vertices, polygons) in enumerate(cells[::6]):
         mesh = TriangleMesh.from_polygons(vertices, polygons)
         kernel = exact_kernel(mesh)
         dimensions.append(kernel.dimension)
         a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
         assert 0 <= kernel.volume <= np.einsum("ij,ij->", a, np.cross(b, c)) / 6 * (1 + 1e-9)
         assert kernel.certificate.verify()
-        if k % 50 == 0:
+        if k % 25 == 0:
             truth = oracle.mesh_kernel(mesh.vertices, mesh.plane_corners)
             assert kernel.dimension == truth.dimension
             assert kernel.volume == pytest.approx(float(truth.volume), rel=1e-6, abs=0)
-    assert dimensions.count(3) > 700  # of 721; the others are so far from convex that their kernel is empty
+    assert dimensions.count(3) > 350  # of 361; the others are so far from convex that their kernel is empty
 
 
 @pytest.mark.parametrize("name", ["cinolib_sphere.mesh", "libigl_bunny_tet.mesh"])

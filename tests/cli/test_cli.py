@@ -342,6 +342,7 @@ def test_broken_pipe_is_silent(folder):
 # ---------------------------------------------------------------- demo
 
 
+@pytest.mark.slow
 def test_demo(tmp_path, monkeypatch, capsys):
     """Two of the shapes, so that it is quick; the whole demo is what CI runs first."""
     from voxkernel import demo_shapes

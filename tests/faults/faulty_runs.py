@@ -17,6 +17,7 @@ from voxkernel import run_table
 from voxkernel.evaluation import EvaluateSettings
 from voxkernel.evaluation.analysis import Analysis
 from voxkernel.evaluation.evaluate import run_evaluation
+from voxkernel.evaluation.file_stamp import STAMP_COLUMNS
 
 HERE = Path(__file__).resolve().parent
 PICTURE = 60_000
@@ -119,7 +120,8 @@ def wait_for_rows(run, n, process, seconds=300.0):
 
 def comparable(rows):
     """Rows by file, in the order of the table, without what no two runs share."""
-    return [(f, {k: v for k, v in r.items() if k != "finished" and "seconds" not in k}) for f, r in rows.items()]
+    own = ("finished", *STAMP_COLUMNS)
+    return [(f, {k: v for k, v in r.items() if k not in own and "seconds" not in k}) for f, r in rows.items()]
 
 
 def unfinished(run):

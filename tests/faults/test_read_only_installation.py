@@ -24,7 +24,7 @@ CALLS = {
     "sphere": ("sphere", "star.ply", "-o", "sphere.npz"),
     "register": ("register", "moved.ply", "star.ply"),
     "labels": ("labels", "nucleus.npy", "--spacing", "1,1,1", "-o", "objects"),
-    "evaluate": ("evaluate", "meshes", "-o", "run", "--workers", "1"),
+    "evaluate": ("evaluate", "meshes", "-o", "run", "--workers", "1", "--no-thumbnails"),
     "report": ("report", "run", "-o", "report.html"),
     "info": ("info", "star.ply"),
     "view": ("view", "star.ply", "-o", "view.html"),

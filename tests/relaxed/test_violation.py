@@ -161,7 +161,7 @@ def test_lower_bound_is_above_zero_for_the_thinnest_gap(slit):
     assert 0 < low <= high
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(shapes.integer_meshes(), st.integers(0, 2**32 - 1))
 def test_bounds_hold_on_dense_samples(surface, seed):
     found = best_center(surface)
