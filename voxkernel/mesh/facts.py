@@ -1,5 +1,6 @@
 """What is true of a triangle surface: connectivity, orientation, degenerate facets, area and volume."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from voxkernel._checks import read_only
 from voxkernel._core import duplicate_facets
 from voxkernel._frozen import Frozen
-from voxkernel.mesh.boundary_loops import BoundaryLoops, boundary_loops
+from voxkernel.mesh.boundary_loops import boundary_loops
 from voxkernel.mesh.edges import surface_edges
 from voxkernel.mesh.surface_sums import surface_sums
 from voxkernel.mesh.triangles import bounds_of, scale_exponent, unscaled
@@ -75,7 +76,7 @@ class MeshFacts(Frozen):
     n_facets: int
     is_closed: bool
     n_boundary_edges: int
-    boundary_loops: BoundaryLoops
+    boundary_loops: Sequence[NDArray[np.int64]]
     n_nonmanifold_edges: int
     is_oriented: bool
     is_outward: bool | None
