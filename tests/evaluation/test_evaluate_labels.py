@@ -165,3 +165,13 @@ def test_an_image_without_objects_is_an_answer(tmp_path, capsys):
     assert read_rows(str(tmp_path / "run")).num_rows == 0
     assert (tmp_path / "run" / "rows.csv").read_text().count("\n") <= 1
     assert (tmp_path / "run" / "report.html").exists()
+
+
+def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    voxkernel.as_mesh(shapes.cube()).write("cube.ply")
+    assert main(["labels", "cube.ply", "-o", "out"]) == 2
+    said = capsys.readouterr()
+    line = "voxkernel: error: IMAGE must be a label image; got 'cube.ply' (see `voxkernel labels --help`)\n"
+    assert (said.out, said.err) == ("", line)
+    assert not (tmp_path / "out").exists()

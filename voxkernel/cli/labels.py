@@ -44,11 +44,14 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import EvaluateSettings, evaluate
     from voxkernel.evaluation.inputs import BadInput
-    from voxkernel.labels import check_target
+    from voxkernel.labels import check_target, is_label_file
     from voxkernel.report import write_report
 
     if args.map is not None and len(args.images) != 1:
         raise UsageError(f"--map must be given with one image; got {len(args.images)}")
+    for path in args.images:
+        if Path(path).is_file() and not is_label_file(path):
+            raise UsageError(f"IMAGE must be a label image; got '{display(path)}'")
     try:
         if args.map is not None:
             check_target(args.map)
