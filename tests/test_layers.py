@@ -17,7 +17,7 @@ PACKAGE = Path(voxkernel.__file__).parent
 GROUND = (
     "_version", "errors", "_core", "_core_check", "_extras", "_threads", "_checks", "_notebook", "_thumbnail",
     "_frozen", "_plain", "_input_file", "_output_file", "_npz", "_open3d", "_vtk_arrays", "_vtk_xml", "_viewing",
-    "_dask_client", "_palette", "_sizes",
+    "_dask_client", "_palette", "_sizes", "_file_lock", "_scratch_folder", "_fork_server",
 )  # fmt: skip
 FOLDERS = {
     "mesh": None,

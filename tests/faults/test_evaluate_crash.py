@@ -28,7 +28,7 @@ from faulty_runs import (
 
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.evaluation.evaluate import run_evaluation
-from voxkernel.evaluation.fork_server import start_method
+from voxkernel._fork_server import start_method
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
@@ -87,7 +87,7 @@ def test_real_scheduler(tmp_path):
     folder = files(tmp_path / "in", 20, "segfault", "hang")
     nothing = {"dashboard_address": None, "silence_logs": 60, "local_directory": str(tmp_path)}
     nothing["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
-    forked = config.set({"distributed.worker.multiprocessing-method": start_method({}, for_analysis=False)})
+    forked = config.set({"distributed.worker.multiprocessing-method": start_method(for_analysis=False)})
     with forked, LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **nothing) as cluster:
         options = {"scheduler": cluster.scheduler_address, "timeout": 2.0}
         result = evaluated(folder, tmp_path / "run", **options)

@@ -13,7 +13,7 @@ import fsspec
 import pytest
 
 import voxkernel
-from voxkernel.evaluation.file_lock import lock_file
+from voxkernel._file_lock import lock_file
 from voxkernel.evaluation.run_lock import locked_run
 from voxkernel.run_table import open_run
 

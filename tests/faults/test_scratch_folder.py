@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import voxkernel
-from voxkernel.evaluation.file_lock import lock_file
-from voxkernel.evaluation.scratch_folder import scratch_folder
+from voxkernel._file_lock import lock_file
+from voxkernel._scratch_folder import scratch_folder
 
 OWNER = """
 import pathlib, sys
-from voxkernel.evaluation.scratch_folder import scratch_folder
+from voxkernel._scratch_folder import scratch_folder
 with scratch_folder() as folder:
     (pathlib.Path(folder) / "worker" / "deep").mkdir(parents=True)
     (pathlib.Path(folder) / "worker" / "deep" / "file").write_text("kept")
@@ -103,7 +103,7 @@ def test_of_another_user_stays(temporary):
 
 
 def test_where_nothing_can_be_locked(temporary, monkeypatch):
-    monkeypatch.setattr("voxkernel.evaluation.scratch_folder.lock_file", _refuse)
+    monkeypatch.setattr("voxkernel._scratch_folder.lock_file", _refuse)
     begin()
     assert list(temporary.iterdir()) == []
 

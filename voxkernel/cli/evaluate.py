@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+from collections.abc import Iterator
+from importlib.util import find_spec
+from itertools import islice
 from typing import Any
 
 from voxkernel.cli.output import UsageError, display, say
@@ -21,6 +25,8 @@ EXAMPLES = (
     "voxkernel evaluate s3://bucket/meshes -o s3://bucket/run --scheduler tcp://10.0.0.1:8786",
     "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
 )
+
+_FEW = 200  # files, of which pictures are drawn without being asked for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +87,7 @@ def label_options(args: argparse.Namespace) -> dict[str, Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, with progress on stderr."""
+    _start_early(args)
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import evaluate
     from voxkernel.evaluation.inputs import BadInput
@@ -104,6 +111,22 @@ def run(args: argparse.Namespace) -> int:
     if not args.label_images and any(is_label_file(f"x{suffix}") for suffix, _ in result.left_out):
         say("--label-images takes label images of folders and globs, too", quiet=args.quiet)
     return 1 if result.n_failed else 0
+
+
+def _start_early(args: argparse.Namespace) -> None:
+    """Start the server of worker processes before all that this process imports, where there will be a new run."""
+    if args.scheduler is not None or os.path.exists(args.output) or not all(map(os.path.exists, args.paths)):
+        return
+    if any(find_spec(package) is None for package in ("dask", "distributed", "pyarrow", "fsspec")):
+        return
+    from voxkernel._fork_server import start_method
+
+    few = sum(1 for path in args.paths for _ in islice(_files(path), _FEW + 1)) <= _FEW
+    start_method(for_analysis=True, for_pictures=few if args.thumbnails is None else args.thumbnails)
+
+
+def _files(path: str) -> Iterator[str]:
+    return (name for _, _, names in os.walk(path) for name in names) if os.path.isdir(path) else iter([path])
 
 
 def _settings(args: argparse.Namespace) -> Any:

@@ -13,11 +13,10 @@ from typing import Any
 from voxkernel._dask_client import client_of, result_of
 from voxkernel._extras import optional
 from voxkernel.errors import SolverError
-from voxkernel.evaluation.fork_server import interrupt_blocked, start_method
+from voxkernel._fork_server import ENVIRONMENT, interrupt_blocked, start_method
 from voxkernel.evaluation.inputs import BadInput
-from voxkernel.evaluation.scratch_folder import scratch_folder
+from voxkernel._scratch_folder import scratch_folder
 from voxkernel.evaluation.settings import EvaluateSettings
-from voxkernel.evaluation.worker import OWN_WORKER
 
 __all__ = ["Cluster", "connected"]
 
@@ -40,10 +39,6 @@ _CONFIG: dict[str, Any] = {
 }  # fmt: skip
 _GUARD = 'A script, which must be a file, has to call `evaluate` under `if __name__ == "__main__":`.'
 _NEVER = logging.CRITICAL + 1
-# One thread of each library in each process, and a mark.
-_ENVIRONMENT: dict[str, str] = dict.fromkeys(
-    ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", OWN_WORKER), "1"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +73,9 @@ def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool =
     Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
     ours talk over TLS, with a key that is made for this run and that only its processes know.
     """
-    method = "" if settings.scheduler is not None else start_method(_ENVIRONMENT, for_analysis=for_analysis)
+    method = "" if settings.scheduler is not None else start_method(
+        for_analysis=for_analysis, for_pictures=bool(settings.thumbnails)
+    )
     distributed, config = optional("distributed"), optional("dask").config
     if settings.scheduler is not None:
         try:
@@ -95,7 +92,7 @@ def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool =
         {**_CONFIG, "temporary-directory": folder, "distributed.worker.multiprocessing-method": method}
     ):
         options: dict[str, Any] = {"dashboard_address": None, "local_directory": folder}
-        options["env"] = {**os.environ, **_ENVIRONMENT}  # what a fork has is that of its server
+        options["env"] = {**os.environ, **ENVIRONMENT}  # what a fork has is that of its server
         options |= {"protocol": "tls://", "security": _security()}
         options["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else on port 8787
         try:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from voxkernel._plain import json_text
-from voxkernel.evaluation.file_lock import lock_file
+from voxkernel._file_lock import lock_file
 from voxkernel.run_table import is_local
 
 __all__ = ["locked_run"]

@@ -18,6 +18,7 @@ from time import perf_counter
 from typing import Any
 
 from voxkernel._extras import optional
+from voxkernel._fork_server import OWN_WORKER
 from voxkernel.errors import VoxKernelError
 from voxkernel.evaluation.analysis import Analysis, analyse, warm_up
 from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, FileStamp, stamp_of
@@ -25,9 +26,7 @@ from voxkernel.evaluation.inputs import Item, content_hash, local_copy
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash, settings_text, versions_text
 from voxkernel.labels import is_label_file
 
-__all__ = ["OWN_WORKER", "Outcome", "failed_outcome", "run_batch"]
-
-OWN_WORKER = "VOXKERNEL_WORKER"  # in the environment of worker processes that `evaluate` has started
+__all__ = ["Outcome", "failed_outcome", "run_batch"]
 
 Analyse = Callable[..., Analysis]
 

@@ -11,7 +11,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from voxkernel.evaluation.file_lock import lock_file
+from voxkernel._file_lock import lock_file
 
 __all__ = ["scratch_folder"]
 

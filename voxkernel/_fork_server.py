@@ -6,24 +6,31 @@ import atexit
 import os
 import signal
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from functools import cache
 
-from voxkernel.evaluation.scratch_folder import scratch_folder
+from voxkernel._scratch_folder import scratch_folder
 
-__all__ = ["interrupt_blocked", "start_method"]
+__all__ = ["ENVIRONMENT", "OWN_WORKER", "interrupt_blocked", "start_method"]
 
-_OF_WORKERS = ["voxkernel.evaluation.worker", "distributed.nanny"]
-_OF_ANALYSIS = ["scipy.spatial", "scipy.sparse.csgraph"]
+OWN_WORKER = "VOXKERNEL_WORKER"  # in the environment of worker processes that `evaluate` has started
+# One thread of each library in each process, and a mark.
+ENVIRONMENT: dict[str, str] = dict.fromkeys(
+    ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", OWN_WORKER), "1"
+)
+_OF_WORKERS = ("distributed.nanny", "voxkernel.evaluation.worker")
+_OF_ANALYSIS = ("scipy.spatial", "scipy.sparse.csgraph")
+_OF_PICTURES = ("pyvista", "pyvista.plotting", "PIL.Image", "voxkernel.evaluation.row_pictures")
 
 
-def start_method(environment: Mapping[str, str], *, for_analysis: bool) -> str:
+def start_method(*, for_analysis: bool, for_pictures: bool = False) -> str:
     """Say how worker processes start, "forkserver" or "spawn"; the server is started, and not waited for.
 
     It imports, `for_analysis` also what rows of meshes need, while this process imports what a client needs, so that
     worker processes, and those that take the place of killed ones, are there at once. It has one thread, which makes
-    forks of it safe, and ends with the last of this process and its workers. A later evaluation finds it running.
+    forks of it safe, and ends with the last of this process and its workers. A later evaluation, or a later call of
+    the same one, finds it running.
     """
     if sys.platform != "linux":
         return "spawn"
@@ -31,12 +38,12 @@ def start_method(environment: Mapping[str, str], *, for_analysis: bool) -> str:
     from multiprocessing import forkserver, process
 
     place = process.current_process()._config  # type: ignore[attr-defined]  # only there is the folder of its socket named
-    before = {name: os.environ.get(name) for name in environment}, place.get("tempdir")
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}, place.get("tempdir")
     multiprocessing.get_context("forkserver").set_forkserver_preload(
-        [*_OF_WORKERS, *(_OF_ANALYSIS if for_analysis else [])]
+        [*_OF_WORKERS, *(_OF_ANALYSIS if for_analysis else ()), *(_OF_PICTURES if for_pictures else ())]
     )
     try:
-        os.environ.update(environment)  # NumPy takes its number of threads when it is loaded
+        os.environ.update(ENVIRONMENT)  # NumPy takes its number of threads when it is loaded
         place["tempdir"] = _socket_folder()
         with interrupt_blocked():
             forkserver.ensure_running()
