@@ -200,12 +200,14 @@ class PolytopeReader {
   // Calls `visit(face, ring, size)` for every polygon.
   template <typename Visit>
   void each_polygon(Visit&& visit) const {
-    for (const Polygons& part : parts_) {
-      const Place* ring = part.ring.data();
-      for (std::size_t f = 0; f < part.face.size(); ++f) {
-        visit(part.face[f], ring, part.size[f]);
-        ring += part.size[f];
-      }
+    for (const Polygons& part : parts_) each_polygon_of(part, visit);
+  }
+  template <typename Visit>
+  static void each_polygon_of(const Polygons& part, Visit&& visit) {
+    const Place* ring = part.ring.data();
+    for (std::size_t f = 0; f < part.face.size(); ++f) {
+      visit(part.face[f], ring, part.size[f]);
+      ring += part.size[f];
     }
   }
 
@@ -332,7 +334,7 @@ class PolytopeReader {
   }
 
   // Polygons in the order of their rows, which are different. Where they are many, each goes straight to its place.
-  Brief<Face> sorted_faces() const {
+  Brief<Face> sorted_faces() {
     std::size_t count = 0;
     for (const Polygons& part : parts_) count += part.face.size();
     const auto made = [&](Place face, const Place* ring, Place size) { return Face{row_of(face), size, ring, 0}; };
@@ -345,12 +347,21 @@ class PolytopeReader {
       return faces;
     }
     Brief<Place> rank(n_rows + 1, 0);
-    each_polygon([&](Place face, const Place*, Place) { rank[row_of(face) + 1] = 1; });
+    each_own_polygon([&](Place face, const Place*, Place) { rank[row_of(face) + 1] = 1; });
     for (Index row = 0; row < n_rows; ++row) rank[row + 1] += rank[row];
     faces.resize(count);
-    each_polygon(
+    each_own_polygon(
         [&](Place face, const Place* ring, Place size) { faces[rank[row_of(face)]] = made(face, ring, size); });
     return faces;
+  }
+
+  // The same as `each_polygon` on several threads, each with those that it found.
+  template <typename Visit>
+  void each_own_polygon(Visit&& visit) {
+    run_parts(static_cast<int>(parts_.size()), stop_, [&](int part, Stop& own) {
+      own.poll(static_cast<Index>(parts_[part].face.size()));
+      each_polygon_of(parts_[part], visit);
+    });
   }
 
   bool is_lower(Place v, Place w) const {
