@@ -334,15 +334,14 @@ class HalfSpaces(Frozen):
 
     def integer_planes(self, ids: NDArray[Any] | Sequence[int]) -> list[IntegerPlane]:
         """Give planes exactly: integers (a, b, c, d) with `(a, b, c) . y <= d` in lattice coordinates y."""
-        rows = self._corners[np.asarray(ids, np.int64)]
-        is_given = rows[:, 0] < 0
-        of_triangles = triangle_planes(self._vertices, rows[~is_given], self._lattice_bits)
+        bits = self._lattice_bits
+        plane_of = triangle_planes(self._vertices, bits)
         planes: list[IntegerPlane] = []
-        for given, first in zip(is_given.tolist(), rows[:, 0].tolist(), strict=True):
-            if given:
-                planes.append(explicit_plane(self._explicit[-1 - first], self._lattice_bits))
+        for row in self._corners[np.asarray(ids, np.int64)].tolist():
+            if row[0] < 0:
+                planes.append(explicit_plane(self._explicit[-1 - row[0]], bits))
             else:
-                a, b, c, d = next(of_triangles)
+                a, b, c, d = plane_of(row)
                 planes.append((a, b, c, 0 if self.is_cone else d))
         return planes
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from fractions import Fraction
 from math import frexp, isqrt
 
@@ -69,15 +69,18 @@ def triangle_plane(vertices: NDArray[np.float64], row: NDArray[np.int64], bits: 
     return _plane_through(*(_lattice_point(vertices[corner], bits) for corner in (p, q, r)))
 
 
-def triangle_planes(vertices: NDArray[np.float64], rows: NDArray[np.int64], bits: int) -> Iterator[IntegerPlane]:
-    """Give the planes of many triangles, which share vertices."""
+def triangle_planes(vertices: NDArray[np.float64], bits: int) -> Callable[[list[int]], IntegerPlane]:
+    """Give the planes of triangles that share vertices: each vertex is made of integers once."""
     known: dict[int, tuple[int, int, int]] = {}
-    for row in rows.tolist():
+
+    def plane_of(row: list[int]) -> IntegerPlane:
         for corner in row:
             if corner not in known:
                 known[corner] = _lattice_point(vertices[corner], bits)
         p, q, r = row
-        yield _plane_through(known[p], known[q], known[r])
+        return _plane_through(known[p], known[q], known[r])
+
+    return plane_of
 
 
 def _lattice_point(point: NDArray[np.float64], bits: int) -> tuple[int, int, int]:
