@@ -75,10 +75,19 @@ class PolytopeReader {
     return n;
   }
 
+  // The same for shorter stretches, of which each thread takes the next one.
+  template <typename Work>
+  void each_in_turn(Index size, Work&& work) {
+    const int n = static_cast<int>(std::max<Index>(1, std::min<Index>(threads(), size / kLeast)));
+    run_in_turn(size, n, stop_, [&](Index first, Index last, int part, Stop& own) {
+      work(static_cast<Place>(first), static_cast<Place>(last), part, own);
+    });
+  }
+
   // Triangles in one plane have one number: a vertex of the polytope.
   void number_vertices() {
     const Place size = hull_.size;
-    each_part(size, [&](Place first, Place last, int part, Stop& own) {
+    each_in_turn(size, [&](Place first, Place last, int part, Stop& own) {
       DualSigns& signs = inserters_[part].signs;
       for (Place i = first; i < last; ++i) {
         own.poll(4);
@@ -133,7 +142,7 @@ class PolytopeReader {
   // The three faces of every vertex, of one triangle of it, in the memory of the triangles. Of vertices that have more
   // faces three others are chosen.
   void keep_corners() {
-    each_part(hull_.size, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(hull_.size, [&](Place first, Place last, int, Stop& own) {
       for (Place i = first; i < last; ++i) {
         own.poll();
         DualTriangle& t = hull_.triangles[i];
@@ -226,7 +235,7 @@ class PolytopeReader {
       }
     });
     forget(fill);
-    each_part(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
+    each_in_turn(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
       PointMaker maker(planes_, duals_, lattice_);
       for (Place v = begin; v < end; ++v) {
         own.poll(4);
@@ -286,7 +295,7 @@ class PolytopeReader {
       forget(part.size);
     }
     const auto n_faces = static_cast<Place>(faces.size());
-    each_part(n_faces, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_faces, [&](Place first, Place last, int, Stop& own) {
       for (Place f = first; f < last; ++f) {
         own.poll(8);
         Face& face = faces[f];
@@ -310,7 +319,7 @@ class PolytopeReader {
       found.start.push_back(found.start.back() + face.size);
     }
     found.ring.resize(found.start.back());
-    each_part(n_faces, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_faces, [&](Place first, Place last, int, Stop& own) {
       for (Place f = first; f < last; ++f) {
         own.poll(4);
         const Face& face = faces[f];
@@ -321,7 +330,7 @@ class PolytopeReader {
     forget(faces);
     forget(parts_);
     found.vertex_rows.resize(static_cast<std::size_t>(3) * count);
-    each_part(n_vertices_, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_vertices_, [&](Place first, Place last, int, Stop& own) {
       for (Place v = first; v < last; ++v) {
         own.poll();
         if (renamed[v] < 0) continue;
@@ -376,7 +385,7 @@ class PolytopeReader {
   void find_vertices(HullPolytope& found) {
     found.vertices.resize(found.vertex_rows.size());
     std::vector<double> errors(threads(), 0.0);
-    each_part(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
+    each_in_turn(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
       CommonPoints points(lattice_.source, duals_.rows, planes_.scale);
       for (Place v = first; v < last; ++v) {
         own.poll(4);
