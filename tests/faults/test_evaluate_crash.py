@@ -26,9 +26,9 @@ from faulty_runs import (
     wait_for_rows,
 )
 
+from voxkernel._fork_server import start_method
 from voxkernel.evaluation import EvaluateSettings, evaluate
 from voxkernel.evaluation.evaluate import run_evaluation
-from voxkernel._fork_server import start_method
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 

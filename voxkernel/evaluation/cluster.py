@@ -12,10 +12,10 @@ from typing import Any
 
 from voxkernel._dask_client import client_of, result_of
 from voxkernel._extras import optional
-from voxkernel.errors import SolverError
 from voxkernel._fork_server import ENVIRONMENT, interrupt_blocked, start_method
-from voxkernel.evaluation.inputs import BadInput
 from voxkernel._scratch_folder import scratch_folder
+from voxkernel.errors import SolverError
+from voxkernel.evaluation.inputs import BadInput
 from voxkernel.evaluation.settings import EvaluateSettings
 
 __all__ = ["Cluster", "connected"]
@@ -73,9 +73,9 @@ def connected(settings: EvaluateSettings, n_meshes: int, *, for_analysis: bool =
     Whoever reaches a scheduler or a worker can run code there, and any user of this machine reaches its ports. So
     ours talk over TLS, with a key that is made for this run and that only its processes know.
     """
-    method = "" if settings.scheduler is not None else start_method(
-        for_analysis=for_analysis, for_pictures=bool(settings.thumbnails)
-    )
+    method = ""
+    if settings.scheduler is None:
+        method = start_method(for_analysis=for_analysis, for_pictures=bool(settings.thumbnails))
     distributed, config = optional("distributed"), optional("dask").config
     if settings.scheduler is not None:
         try:

@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
-from voxkernel._plain import json_text
 from voxkernel._file_lock import lock_file
+from voxkernel._plain import json_text
 from voxkernel.run_table import is_local
 
 __all__ = ["locked_run"]
