@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ __all__ = ["Judge", "Judged"]
 
 _CLEAR = 0.75  # a probability at which no further source of candidates is asked
 _BELIEVED = 0.5  # a probability from which an end is preferred to one that explains more and is believed less
+_LEAST_RANK = 0.1  # of an end that is looked at once more
+_MAY_BE = 0.1  # a probability before an end is refined on all samples
 _OTHER_SIZE = 0.02
 _OTHERWISE = 0.02  # the most that is believed where another size fits better
 _EQUAL_RANKS = 0.02
@@ -48,13 +51,27 @@ class Judge:
     def __init__(self, contest: Contest) -> None:
         self.contest = contest
         self._known: list[tuple[End, _Measured]] = []
+        self._looked_at: list[End] = []
 
     def clear(self) -> bool:
         """Whether the end that explains most, or one that comes after it, is clearly believed."""
         best = self.contest.best
         if best is None or self.of(best).probability > _CLEAR:
             return best is not None
-        return any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self.contest.contenders())
+        if any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self.contest.contenders()):
+            return True
+        return any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self._overlooked())
+
+    def _overlooked(self) -> Iterator[End]:
+        """Refine ends that explain less than others but, as they are, may be believed."""
+        for end in [e for e in self.contest.ends if not e.whole and e.rank >= _LEAST_RANK]:
+            if any(other is end for other in self._looked_at):
+                continue
+            self._looked_at.append(end)
+            motion = end.polished.transform
+            rough = self.contest.evidence(motion)
+            if believed(descriptors(rough, self._rival(end), 1.0, 0.0)) >= _MAY_BE:
+                yield self.contest.whole(end)
 
     @property
     def best(self) -> End | None:
