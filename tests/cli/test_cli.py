@@ -353,9 +353,9 @@ def test_demo(tmp_path, monkeypatch, capsys):
     assert code == 0
     made = {p.name for p in Path("out").iterdir()}
     assert made == {
-        "index.html", "interactive.html", "slit.ply", "slit.png", "slit-kernel.ply", "slit-kernel.json",
-        "torus.ply", "torus.png", "torus-kernel.ply", "torus-kernel.json",
+        "index.html", "interactive.html", "slit.ply", "slit.png", "torus.ply", "torus.png", "kernels",
     }  # fmt: skip
+    assert {p.name for p in Path("out/kernels").iterdir()} == {"slit.ply", "slit.json", "torus.ply", "torus.json"}
     assert "slit      star-shaped       ratio 0.002494" in out
     assert "report       out" in out
     assert err.splitlines()[-1].endswith("open " + str(Path("out/index.html")))
@@ -364,7 +364,7 @@ def test_demo(tmp_path, monkeypatch, capsys):
     assert "not star-shaped" in page
     assert "http://" not in page
     assert "https://" not in page
-    assert as_mesh("out/slit-kernel.ply").facts().volume == pytest.approx(0.01, rel=1e-9)
+    assert as_mesh("out/kernels/slit.ply").facts().volume == pytest.approx(0.01, rel=1e-9)
     assert run(capsys, "demo", "-o", "out", "-q")[2] == ""  # again into the same folder
 
 

@@ -167,6 +167,15 @@ def test_an_image_without_objects_is_an_answer(tmp_path, capsys):
     assert (tmp_path / "run" / "report.html").exists()
 
 
+def test_an_image_that_failed_is_told_apart_from_one_without_objects(tmp_path, capsys):
+    np.save(tmp_path / "negative.npy", np.full((4, 5, 6), -2))
+    words = ["labels", str(tmp_path / "negative.npy"), "--spacing", "1,1,1", "-o", str(tmp_path / "run")]
+    assert main([*words, "--workers", "1", "--quiet"]) == 1
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [f"{tmp_path / 'run'}: no objects; failed: 1"]
+    assert err == ""
+
+
 def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     voxkernel.as_mesh(shapes.cube()).write("cube.ply")

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from itertools import pairwise
+from math import lcm
 
 import numpy as np
 import oracle
@@ -11,7 +12,7 @@ from rational_cutting import clip_polyhedron
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from voxkernel.exact import exact_kernel
-from voxkernel.exact.rational_kernel import rational_moments
+from voxkernel.exact.rational_moments import solid_moments
 from voxkernel.halfspaces import HalfSpaces, find_feasibility
 from voxkernel.mesh import as_mesh
 
@@ -91,6 +92,11 @@ def test_stretched_surfaces_have_the_stretched_kernel(aspect, axes, make):
             assert depth(point) <= there.clearance * (1 + 1e-9) + 1e-15 * size
 
 
+def homogeneous(point):
+    below = lcm(*(v.denominator for v in point))
+    return (*(int(v * below) for v in point), below)
+
+
 def tangent(n, rng):
     directions = rng.normal(size=(n, 3))
     return directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -117,7 +123,7 @@ def test_a_small_kernel_is_what_cutting_in_rationals_leaves(size, rng):
     center = [Fraction(v) for v in (0.1, 0.2, 0.3)]
     rows = [([Fraction(v) for v in n], Fraction(d) - sum(Fraction(v) * c for v, c in zip(n, center, strict=True))) for n, d in zip(near.tolist(), offsets.tolist(), strict=True)]  # fmt: skip # noqa: E501
     cut = clip_polyhedron(rows, Fraction(10 * size))
-    volume = rational_moments(3, cut.vertices, [f for _, f in cut.faces])[0]
+    volume = solid_moments([homogeneous(p) for p in cut.vertices], [f for _, f in cut.faces])[0]
     assert kernel.volume == pytest.approx(float(volume), rel=1e-12)
     assert sorted(kernel.face_facets.tolist()) == sorted(row for row, _ in cut.faces)
     exact = {tuple(v - c for v, c in zip(p, center, strict=True)) for p in kernel.exact_vertices()}
@@ -130,7 +136,7 @@ def test_moments_of_a_rational_box(thickness):
             ((0, 0, 1), Fraction(thickness)), ((0, 0, -1), Fraction(0))]  # fmt: skip
     box = clip_polyhedron(rows, Fraction(8))
     assert len(box.vertices) == 8
-    volume, area, centroid, inertia = rational_moments(3, box.vertices, [f for _, f in box.faces])
+    volume, area, centroid, inertia = solid_moments([homogeneous(p) for p in box.vertices], [f for _, f in box.faces])
     assert float(volume / thickness) == pytest.approx(2, rel=1e-15)
     assert float(area) == pytest.approx(4 + 6 * float(thickness), rel=1e-14)
     x, y, z = centroid

@@ -48,7 +48,7 @@ def bumpy_surface(n, seed):
 
 def convex_surface(n, seed):
     """An ellipsoid, whose facets all bound the kernel, in any order."""
-    vertices, faces = shapes.ellipsoid(subdivisions=5 + n // 50_000)
+    vertices, faces = shapes.ellipsoid(subdivisions=5 + n // 150_000)
     return HalfSpaces.from_mesh(voxkernel.as_mesh(shapes.shuffled(vertices, faces, np.random.default_rng(seed))))
 
 

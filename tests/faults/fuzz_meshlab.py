@@ -20,7 +20,7 @@ def reader_of(process):
     """One child of a process for all its inputs: an interpreter for each would cost a second."""
     from voxkernel.mesh.other_formats import MeshlabReader
 
-    return MeshlabReader(seconds=2)
+    return MeshlabReader(seconds=1)
 
 
 def read_surface_in_child(path):

@@ -186,11 +186,14 @@ def test_surfaces_with_few_or_no_extents():
 
 
 def test_facets_that_face_the_other_way_are_turned_over_and_that_is_said(small_face):
-    for vertices, faces in (boulder(), small_face):
-        away = pose(21, 10.0)
-        inside_out = register((vertices, faces), (moved(away, vertices), faces[:, ::-1]))
-        assert (inside_out.verdict, inside_out.facets_turned) == ("right", True)
-        assert off(inside_out.T_target_source, away, vertices) < 1e-9
+    for (vertices, faces), seeds in ((boulder(), (3, 4)), (small_face, (21,))):
+        for seed in seeds:
+            away = pose(seed, 10.0)
+            target = moved(away, vertices)
+            for one, two in ((faces, faces[:, ::-1]), (faces[:, ::-1], faces)):
+                inside_out = register((vertices, one), (target, two))
+                assert (inside_out.verdict, inside_out.facets_turned) == ("right", True)
+                assert off(inside_out.T_target_source, away, vertices) < 1e-9
     assert not register((vertices, faces), (vertices, faces)).facets_turned
 
 

@@ -49,31 +49,31 @@ Array1<T> take_array(GrowingArray<T>& values) {
   return Array1<T>(data, {n}, owner);
 }
 // A new array that takes over a vector.
-template <typename T>
-Array1<T> to_array(std::vector<T>&& values) {
-  auto* owned = new std::vector<T>(std::move(values));
-  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+template <typename T, typename A>
+Array1<T> to_array(std::vector<T, A>&& values) {
+  auto* owned = new std::vector<T, A>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T, A>*>(p); });
   return Array1<T>(owned->data(), {owned->size()}, owner);
 }
 // The same for rows of N numbers, flat in the vector.
-template <nb::ssize_t N, typename T>
-Array2<T, N> to_rows(std::vector<T>&& values) {
-  auto* owned = new std::vector<T>(std::move(values));
-  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+template <nb::ssize_t N, typename T, typename A>
+Array2<T, N> to_rows(std::vector<T, A>&& values) {
+  auto* owned = new std::vector<T, A>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T, A>*>(p); });
   return Array2<T, N>(owned->data(), {owned->size() / N, static_cast<std::size_t>(N)}, owner);
 }
 
 // The same, read-only: what a result keeps as it is.
-template <typename T>
-Array1<const T> to_read_only(std::vector<T>&& values) {
-  auto* owned = new std::vector<T>(std::move(values));
-  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+template <typename T, typename A>
+Array1<const T> to_read_only(std::vector<T, A>&& values) {
+  auto* owned = new std::vector<T, A>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T, A>*>(p); });
   return Array1<const T>(owned->data(), {owned->size()}, owner);
 }
-template <nb::ssize_t N, typename T>
-Array2<const T, N> to_read_only_rows(std::vector<T>&& values) {
-  auto* owned = new std::vector<T>(std::move(values));
-  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+template <nb::ssize_t N, typename T, typename A>
+Array2<const T, N> to_read_only_rows(std::vector<T, A>&& values) {
+  auto* owned = new std::vector<T, A>(std::move(values));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T, A>*>(p); });
   return Array2<const T, N>(owned->data(), {owned->size() / N, static_cast<std::size_t>(N)}, owner);
 }
 

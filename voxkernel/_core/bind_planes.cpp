@@ -36,12 +36,13 @@ void bind_planes(nb::module_& m) {
       "edge of `faces` is traversed equally often in both directions.");
   m.def(
       "coordinate_range",
-      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces) {
-        const Box box = without_lock([&](Stop& stop) { return coordinate_range(rows(vertices), rows(faces), stop); });
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> faces, int threads) {
+        const Box box =
+            without_lock([&](Stop& stop) { return coordinate_range(rows(vertices), rows(faces), threads, stop); });
         return std::make_tuple(to_array(std::vector<double>(box.low, box.low + 3)),
                                to_array(std::vector<double>(box.high, box.high + 3)), box.smallest);
       },
-      array("vertices"), array("faces"),
+      array("vertices"), array("faces"), nb::arg("threads") = 1,
       "Of the vertices in use: lower and upper corner of the bounding box, and the smallest magnitude but zero.");
   m.def(
       "plane_frame",

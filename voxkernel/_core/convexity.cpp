@@ -6,13 +6,15 @@
 
 #include "pages.h"
 #include "predicates.h"
+#include "shared_buckets.h"
 #include "stretches.h"
 #include "workers.h"
 
 namespace voxkernel {
 namespace {
 
-constexpr Index kLeast = 1 << 14;  // vertices that are worth a thread
+constexpr Index kLeast = 1 << 14;  // vertices or faces that are worth a thread
+constexpr Index kMostParts = 8;    // each counts the triangles of every vertex
 
 Index next_corner(const Index* face, int k) { return face[k == 2 ? 0 : k + 1]; }
 
@@ -73,37 +75,27 @@ int edges_of_vertex(const Surface& surface, HalfEdge<Small>* edges, Index n) {
 template <typename Small>
 int edge_convexity_with(const Surface& surface, int least, int threads, Stop& stop) {
   const Triangles faces = surface.faces;
-  const Index n_vertices = surface.vertices.size();
-  const auto lower = [&](Index f, int k) { return std::min(faces(f, k), next_corner(faces[f], k)); };
-  Brief<Small> end(n_vertices + 1, 0);
-  for_each(faces.size(), 1, stop, [&](Index f) {
-    for (int k = 0; k < 3; ++k) ++end[lower(f, k) + 1];
-  });
-  for (Index v = 0; v < n_vertices; ++v) end[v + 1] += end[v];
-  BriefArray<HalfEdge<Small>> edges(static_cast<std::size_t>(3) * faces.size());
-  // The least answer of all vertices; 0 ends the others.
-  std::atomic<int> answer{2};
-  run_stretches(n_vertices, kLeast, threads, stop, [&](Index begin, Index finish, Stop& own) {
-    auto first = static_cast<Index>(end[begin]);
-    // Those of its own vertices. Filling moves each start to where the next one was.
-    for_each(faces.size(), 1, own, [&](Index f) {
+  const auto each_edge = [&](Index first, Index last, Stop& own, auto&& put) {
+    for_each(last - first, 1, own, [&](Index i) {
+      const Index f = first + i;
       for (int k = 0; k < 3; ++k) {
-        const Index v = lower(f, k);
-        if (v < begin || v >= finish) continue;
-        const Index larger = std::max(faces(f, k), next_corner(faces[f], k));
-        edges[static_cast<Index>(end[v]++)] = {static_cast<Small>(larger), static_cast<Small>(3 * f + k)};
+        const Index from = faces(f, k), to = next_corner(faces[f], k);
+        put(std::min(from, to),
+            [&] { return HalfEdge<Small>{static_cast<Small>(std::max(from, to)), static_cast<Small>(3 * f + k)}; });
       }
     });
-    for (Index v = begin; v < finish && answer.load(std::memory_order_relaxed) > 0; ++v) {
-      const Index last = static_cast<Index>(end[v]);
-      own.poll(1 + last - first);
-      const int worst = edges_of_vertex(surface, edges.get() + first, last - first);
-      int before = answer.load(std::memory_order_relaxed);
-      const int now = worst < least ? 0 : worst;
-      while (now < before && !answer.compare_exchange_weak(before, now)) {
-      }
-      first = last;
+  };
+  SharedBuckets<Small, HalfEdge<Small>> buckets(surface.vertices.size(), faces.size(), kLeast, threads, stop,
+                                                each_edge);
+  // The least answer of all vertices; 0 ends the others.
+  std::atomic<int> answer{2};
+  buckets.for_each_bucket(stop, [&](HalfEdge<Small>* edges, Index n) {
+    const int worst = edges_of_vertex(surface, edges, n);
+    int before = answer.load(std::memory_order_relaxed);
+    const int now = worst < least ? 0 : worst;
+    while (now < before && !answer.compare_exchange_weak(before, now)) {
     }
+    return answer.load(std::memory_order_relaxed) > 0;
   });
   return answer;
 }
@@ -151,24 +143,44 @@ UsedVertices used_vertices(Points vertices, Triangles faces, const double* origi
   return found;
 }
 
-std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop) {
-  Brief<std::int32_t> count(n, 0), seen(n, 0);
-  std::vector<std::int32_t> found(3 * n);
+UnfilledVector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop) {
+  const Index n_triangles = ring.size() / 3;
+  const auto n_parts =
+      static_cast<int>(std::max<Index>(1, std::min({Index{threads}, n_triangles / kLeast, kMostParts})));
+  // How many of the triangles before a part, and of all, have a vertex.
+  std::vector<Brief<std::int32_t>> seen(n_parts);
+  Brief<std::int32_t> count(n);
+  const auto each_corner = [&](int part, Stop& own, auto&& visit) {
+    const Index first = part_begin(n_triangles, n_parts, part), last = part_begin(n_triangles, n_parts, part + 1);
+    for_each(last - first, 3, own, [&](Index i) {
+      for (int k = 0; k < 3; ++k) visit(ring[3 * (first + i) + k], static_cast<std::int32_t>(first + i));
+    });
+  };
+  run_parts(n_parts, stop, [&](int part, Stop& own) {
+    seen[part].assign(n, 0);
+    each_corner(part, own, [&](std::int32_t v, std::int32_t) { ++seen[part][v]; });
+  });
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
-    own.poll(ring.size());
-    for (const std::int32_t v : ring) {
-      if (v >= first && v < last) ++count[v];
+    own.poll(last - first);
+    for (Index v = first; v < last; ++v) {
+      std::int32_t sum = 0;
+      for (Brief<std::int32_t>& part : seen) {
+        const std::int32_t here = part[v];
+        part[v] = sum;
+        sum += here;
+      }
+      count[v] = sum;
     }
-    for (Index i = 0; i < ring.size(); ++i) {
-      own.poll();
-      const Index v = ring[i];
-      if (v < first || v >= last) continue;
-      const auto triangle = static_cast<std::int32_t>(i / 3);
-      const std::int32_t place = seen[v]++;
-      if (place == 0) found[3 * v] = triangle;
-      if (place == count[v] / 2) found[3 * v + 1] = triangle;
-      if (place == count[v] - 1) found[3 * v + 2] = triangle;
-    }
+  });
+  UnfilledVector<std::int32_t> found(3 * n);
+  run_parts(n_parts, stop, [&](int part, Stop& own) {
+    each_corner(part, own, [&](std::int32_t v, std::int32_t triangle) {
+      const std::int32_t place = seen[part][v]++;
+      std::int32_t* three = &found[3 * static_cast<Index>(v)];
+      if (place == 0) three[0] = triangle;
+      if (place == count[v] / 2) three[1] = triangle;
+      if (place == count[v] - 1) three[2] = triangle;
+    });
   });
   return found;
 }

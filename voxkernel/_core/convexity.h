@@ -2,10 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "spans.h"
 #include "stop.h"
+#include "unfilled.h"
 
 namespace voxkernel {
 
@@ -14,14 +14,14 @@ int edge_convexity(Points vertices, Triangles faces, Indices face_planes, Triang
 
 // Vertices in use as (vertex - origin) / scale - point, and corners of faces as numbers of them.
 struct UsedVertices {
-  std::vector<double> vertices;
-  std::vector<std::int32_t> ring;
+  UnfilledVector<double> vertices;
+  UnfilledVector<std::int32_t> ring;
 };
 UsedVertices used_vertices(Points vertices, Triangles faces, const double* origin, double scale, const double* point,
                            int threads, Stop& stop);
 
 // The first, a middle and the last triangle at each of `n` vertices, all of which are in use: of a strictly convex
 // surface, no two in one plane. Three rows a vertex.
-std::vector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop);
+UnfilledVector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop);
 
 }  // namespace voxkernel

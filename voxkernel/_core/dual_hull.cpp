@@ -75,10 +75,19 @@ class PolytopeReader {
     return n;
   }
 
+  // The same for shorter stretches, of which each thread takes the next one.
+  template <typename Work>
+  void each_in_turn(Index size, Work&& work) {
+    const int n = static_cast<int>(std::max<Index>(1, std::min<Index>(threads(), size / kLeast)));
+    run_in_turn(size, n, stop_, [&](Index first, Index last, int part, Stop& own) {
+      work(static_cast<Place>(first), static_cast<Place>(last), part, own);
+    });
+  }
+
   // Triangles in one plane have one number: a vertex of the polytope.
   void number_vertices() {
     const Place size = hull_.size;
-    each_part(size, [&](Place first, Place last, int part, Stop& own) {
+    each_in_turn(size, [&](Place first, Place last, int part, Stop& own) {
       DualSigns& signs = inserters_[part].signs;
       for (Place i = first; i < last; ++i) {
         own.poll(4);
@@ -133,7 +142,7 @@ class PolytopeReader {
   // The three faces of every vertex, of one triangle of it, in the memory of the triangles. Of vertices that have more
   // faces three others are chosen.
   void keep_corners() {
-    each_part(hull_.size, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(hull_.size, [&](Place first, Place last, int, Stop& own) {
       for (Place i = first; i < last; ++i) {
         own.poll();
         DualTriangle& t = hull_.triangles[i];
@@ -200,12 +209,14 @@ class PolytopeReader {
   // Calls `visit(face, ring, size)` for every polygon.
   template <typename Visit>
   void each_polygon(Visit&& visit) const {
-    for (const Polygons& part : parts_) {
-      const Place* ring = part.ring.data();
-      for (std::size_t f = 0; f < part.face.size(); ++f) {
-        visit(part.face[f], ring, part.size[f]);
-        ring += part.size[f];
-      }
+    for (const Polygons& part : parts_) each_polygon_of(part, visit);
+  }
+  template <typename Visit>
+  static void each_polygon_of(const Polygons& part, Visit&& visit) {
+    const Place* ring = part.ring.data();
+    for (std::size_t f = 0; f < part.face.size(); ++f) {
+      visit(part.face[f], ring, part.size[f]);
+      ring += part.size[f];
     }
   }
 
@@ -224,7 +235,7 @@ class PolytopeReader {
       }
     });
     forget(fill);
-    each_part(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
+    each_in_turn(n_vertices_, [&](Place begin, Place end, int part, Stop& own) {
       PointMaker maker(planes_, duals_, lattice_);
       for (Place v = begin; v < end; ++v) {
         own.poll(4);
@@ -284,7 +295,7 @@ class PolytopeReader {
       forget(part.size);
     }
     const auto n_faces = static_cast<Place>(faces.size());
-    each_part(n_faces, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_faces, [&](Place first, Place last, int, Stop& own) {
       for (Place f = first; f < last; ++f) {
         own.poll(8);
         Face& face = faces[f];
@@ -308,7 +319,7 @@ class PolytopeReader {
       found.start.push_back(found.start.back() + face.size);
     }
     found.ring.resize(found.start.back());
-    each_part(n_faces, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_faces, [&](Place first, Place last, int, Stop& own) {
       for (Place f = first; f < last; ++f) {
         own.poll(4);
         const Face& face = faces[f];
@@ -319,7 +330,7 @@ class PolytopeReader {
     forget(faces);
     forget(parts_);
     found.vertex_rows.resize(static_cast<std::size_t>(3) * count);
-    each_part(n_vertices_, [&](Place first, Place last, int, Stop& own) {
+    each_in_turn(n_vertices_, [&](Place first, Place last, int, Stop& own) {
       for (Place v = first; v < last; ++v) {
         own.poll();
         if (renamed[v] < 0) continue;
@@ -332,7 +343,7 @@ class PolytopeReader {
   }
 
   // Polygons in the order of their rows, which are different. Where they are many, each goes straight to its place.
-  Brief<Face> sorted_faces() const {
+  Brief<Face> sorted_faces() {
     std::size_t count = 0;
     for (const Polygons& part : parts_) count += part.face.size();
     const auto made = [&](Place face, const Place* ring, Place size) { return Face{row_of(face), size, ring, 0}; };
@@ -345,12 +356,21 @@ class PolytopeReader {
       return faces;
     }
     Brief<Place> rank(n_rows + 1, 0);
-    each_polygon([&](Place face, const Place*, Place) { rank[row_of(face) + 1] = 1; });
+    each_own_polygon([&](Place face, const Place*, Place) { rank[row_of(face) + 1] = 1; });
     for (Index row = 0; row < n_rows; ++row) rank[row + 1] += rank[row];
     faces.resize(count);
-    each_polygon(
+    each_own_polygon(
         [&](Place face, const Place* ring, Place size) { faces[rank[row_of(face)]] = made(face, ring, size); });
     return faces;
+  }
+
+  // The same as `each_polygon` on several threads, each with those that it found.
+  template <typename Visit>
+  void each_own_polygon(Visit&& visit) {
+    run_parts(static_cast<int>(parts_.size()), stop_, [&](int part, Stop& own) {
+      own.poll(static_cast<Index>(parts_[part].face.size()));
+      each_polygon_of(parts_[part], visit);
+    });
   }
 
   bool is_lower(Place v, Place w) const {
@@ -365,7 +385,7 @@ class PolytopeReader {
   void find_vertices(HullPolytope& found) {
     found.vertices.resize(found.vertex_rows.size());
     std::vector<double> errors(threads(), 0.0);
-    each_part(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
+    each_in_turn(static_cast<Index>(found.vertices.size() / 3), [&](Place first, Place last, int part, Stop& own) {
       CommonPoints points(lattice_.source, duals_.rows, planes_.scale);
       for (Place v = first; v < last; ++v) {
         own.poll(4);

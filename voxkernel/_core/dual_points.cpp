@@ -53,19 +53,38 @@ std::uint32_t key_of(const double* n) {
   return static_cast<std::uint32_t>(axis + (n[axis] > 0.0 ? 0 : 3)) << 20 | woven;
 }
 
-// By keys, the lower half of their bits first; rows of one key stay in order.
-void sort_keys(Brief<Keyed>& order, Stop& stop) {
+// By keys, the lower half of their bits first; rows of one key stay in order. Threads have stretches of what is sorted,
+// and know where in each bucket theirs begin.
+void sort_keys(Brief<Keyed>& order, int threads, Stop& stop) {
   constexpr int kBits = (kKeyBits + 1) / 2;
   constexpr std::uint32_t kMask = (1u << kBits) - 1;
+  const auto n = static_cast<Index>(order.size());
+  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
   Brief<Keyed> other(order.size());
-  std::vector<std::size_t> begin(kMask + 2);
+  std::vector<std::vector<std::int32_t>> begin(n_parts);
   for (const int shift : {0, kBits}) {
-    std::fill(begin.begin(), begin.end(), 0);
-    for (const Keyed& one : order) ++begin[(one.key >> shift & kMask) + 1];
-    for (std::size_t i = 1; i < begin.size(); ++i) begin[i] += begin[i - 1];
-    for (const Keyed& one : order) other[begin[one.key >> shift & kMask]++] = one;
+    const auto each = [&](int part, auto&& visit) {
+      const Index last = part_begin(n, n_parts, part + 1);
+      for (Index i = part_begin(n, n_parts, part); i < last; ++i) visit(order[i], order[i].key >> shift & kMask);
+    };
+    run_parts(n_parts, stop, [&](int part, Stop& own) {
+      begin[part].assign(kMask + 1, 0);
+      each(part, [&](const Keyed&, std::uint32_t bucket) { ++begin[part][bucket]; });
+      own.poll(n / n_parts);
+    });
+    std::int32_t sum = 0;
+    for (std::uint32_t bucket = 0; bucket <= kMask; ++bucket) {
+      for (std::vector<std::int32_t>& part : begin) {
+        const std::int32_t count = part[bucket];
+        part[bucket] = sum;
+        sum += count;
+      }
+    }
+    run_parts(n_parts, stop, [&](int part, Stop& own) {
+      each(part, [&](const Keyed& one, std::uint32_t bucket) { other[begin[part][bucket]++] = one; });
+      own.poll(n / n_parts);
+    });
     order.swap(other);
-    stop.poll(2 * static_cast<Index>(order.size()));
   }
 }
 
@@ -88,12 +107,15 @@ void sort_rows(const LocalPlanes& planes, Indices rows, DualPoints& found, int t
       order[i] = {key_of(planes.normals[rows[i]]), static_cast<std::int32_t>(rows[i])};
     }
   });
-  sort_keys(order, stop);
+  sort_keys(order, threads, stop);
   found.keys.resize(n);
-  for (Index i = 0; i < n; ++i) {
-    found.rows[i] = order[i].row;
-    found.keys[i] = order[i].key;
-  }
+  run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
+    own.poll(last - first);
+    for (Index i = first; i < last; ++i) {
+      found.rows[i] = order[i].row;
+      found.keys[i] = order[i].key;
+    }
+  });
 }
 
 PointMaker::PointMaker(const LocalPlanes& planes, const DualPoints& duals, const PlaneLattice& lattice)

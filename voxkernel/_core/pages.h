@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 #include <new>
+#include <utility>
 #include <vector>
 
 #ifdef __linux__
@@ -33,6 +34,15 @@ struct Pages {
     }
 #endif
     return std::allocator<T>().allocate(n);
+  }
+  // Elements that are not given are not filled: who writes them first, on whatever thread, touches their pages.
+  template <typename U>
+  void construct(U* place) noexcept {
+    ::new (static_cast<void*>(place)) U;
+  }
+  template <typename U, typename... Given>
+  void construct(U* place, Given&&... given) {
+    ::new (static_cast<void*>(place)) U(std::forward<Given>(given)...);
   }
   void deallocate(T* memory, std::size_t n) noexcept {
 #ifdef __linux__

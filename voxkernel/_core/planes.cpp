@@ -4,10 +4,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 
 #include "avx2.h"
-#include "pages.h"
+#include "shared_buckets.h"
 #include "stretches.h"
 #include "workers.h"
 
@@ -23,7 +24,7 @@ constexpr double kRoundEnough = 4.0;
 // Below this product of squared lengths the arithmetic underflows.
 constexpr double kTiny = 1e-270;
 
-constexpr Index kLeast = 1 << 14;  // vertices that are worth a thread
+constexpr Index kLeast = 1 << 14;  // vertices or faces that are worth a thread
 
 bool equal(const double* a, const double* b) { return a[0] == b[0] && a[1] == b[1] && a[2] == b[2]; }
 
@@ -189,28 +190,55 @@ Index facet_planes(Points vertices, Triangles corners, const double* origin, dou
 
 namespace {
 
-void mark_used(Triangles faces, std::vector<char>& is_used, Stop& stop) {
-  for (Index i = 0; i < faces.size(); ++i) {
-    stop.poll();
-    for (int k = 0; k < 3; ++k) is_used[faces(i, k)] = 1;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr Index kMostParts = 8;  // each marks the vertices that it has seen
+
+void widen(Box& box, const Box& other) {
+  for (int k = 0; k < 3; ++k) {
+    box.low[k] = std::min(box.low[k], other.low[k]);
+    box.high[k] = std::max(box.high[k], other.high[k]);
   }
+  box.smallest = std::min(box.smallest, other.smallest);
 }
 
-Box range_of(Points vertices, const std::vector<char>& is_used, Stop& stop) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  Box box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}, infinity};
-  for (Index i = 0; i < vertices.size(); ++i) {
-    stop.poll();
-    if (!is_used[i]) continue;
+Box range_of(Points vertices, Index first, Index last, const std::vector<std::vector<char>>& used, Stop& stop) {
+  Box box{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}, kInfinity};
+  for_each(last - first, 1, stop, [&](Index i) {
+    const bool is_used = std::any_of(used.begin(), used.end(), [&](const auto& seen) { return seen[first + i] != 0; });
+    if (!is_used) return;
     for (int k = 0; k < 3; ++k) {
-      const double v = vertices(i, k);
+      const double v = vertices(first + i, k);
       box.low[k] = std::min(box.low[k], v);
       box.high[k] = std::max(box.high[k], v);
       const double size = std::abs(v);
       if (size > 0.0 && size < box.smallest) box.smallest = size;
     }
-  }
+  });
   return box;
+}
+
+// Of the vertices that rows of some tables refer to.
+Box range_of_used(Points vertices, std::initializer_list<Triangles> tables, int threads, Stop& stop) {
+  const Index most =
+      std::max(tables, [](const Triangles& a, const Triangles& b) { return a.size() < b.size(); }).size();
+  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min({Index{threads}, most / kLeast, kMostParts})));
+  std::vector<std::vector<char>> used(n_parts);
+  run_parts(n_parts, stop, [&](int part, Stop& own) {
+    used[part].assign(vertices.size(), 0);
+    for (const Triangles& rows : tables) {
+      const Index first = part_begin(rows.size(), n_parts, part), last = part_begin(rows.size(), n_parts, part + 1);
+      for_each(last - first, 1, own, [&](Index i) {
+        for (int k = 0; k < 3; ++k) used[part][rows(first + i, k)] = 1;
+      });
+    }
+  });
+  std::vector<Box> boxes(n_parts);
+  run_parts(n_parts, stop, [&](int part, Stop& own) {
+    boxes[part] = range_of(vertices, part_begin(vertices.size(), n_parts, part),
+                           part_begin(vertices.size(), n_parts, part + 1), used, own);
+  });
+  for (const Box& box : boxes) widen(boxes[0], box);
+  return boxes[0];
 }
 
 PlaneFrame frame_of(const Box& box) {
@@ -235,32 +263,27 @@ PlaneFrame frame_of(const Box& box) {
 }  // namespace
 
 // The bounding box of the vertices that faces refer to, and their smallest magnitude but zero.
-Box coordinate_range(Points vertices, Triangles faces, Stop& stop) {
-  std::vector<char> is_used(vertices.size(), 0);
-  mark_used(faces, is_used, stop);
-  return range_of(vertices, is_used, stop);
+Box coordinate_range(Points vertices, Triangles faces, int threads, Stop& stop) {
+  return range_of_used(vertices, {faces}, threads, stop);
 }
 
 PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop) {
-  return frame_of(coordinate_range(vertices, faces, stop));
+  return frame_of(coordinate_range(vertices, faces, 1, stop));
 }
 
 MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int threads, Stop& stop) {
   MeshPlanes found;
-  {
-    std::vector<char> is_used(vertices.size(), 0);
-    mark_used(faces, is_used, stop);
-    if (corners.data() != faces.data()) mark_used(corners, is_used, stop);
-    found.frame = frame_of(range_of(vertices, is_used, stop));
-  }
+  const bool is_one_table = corners.data() == faces.data();
+  found.frame = frame_of(is_one_table ? range_of_used(vertices, {faces}, threads, stop)
+                                      : range_of_used(vertices, {faces, corners}, threads, stop));
   found.bounds_volume = boundary_is_zero(faces, vertices.size(), threads, stop);
   const Index n = corners.size();
   found.normals.resize(3 * n);
-  for (std::vector<double>* numbers : {&found.offsets, &found.areas, &found.errors}) numbers->resize(n);
+  for (UnfilledVector<double>* numbers : {&found.offsets, &found.areas, &found.errors}) numbers->resize(n);
   const double scale = found.frame.scale;
   std::atomic<Index> undecided{0}, refused{0};
   run_stretches(n, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
-    const auto part = [&](std::vector<double>& numbers) { return Span<double>(numbers).part(first, last); };
+    const auto part = [&](UnfilledVector<double>& numbers) { return Span<double>(numbers).part(first, last); };
     const Span<double> areas = part(found.areas), errors = part(found.errors);
     undecided += facet_planes(vertices, {corners[first], last - first}, found.frame.origin, 1.0 / scale,
                               {&found.normals[3 * first], last - first}, part(found.offsets), areas, errors, own);
@@ -300,39 +323,26 @@ namespace {
 // `Small` holds twice the vertices, and all half-edges.
 template <typename Small>
 bool boundary_is_zero_with(Triangles faces, Index n_vertices, int threads, Stop& stop) {
-  const auto each_edge = [&](Stop& own, auto&& visit) {
-    for_each(faces.size(), 1, own, [&](Index i) {
-      const Index* face = faces[i];
+  const auto each_edge = [&](Index first, Index last, Stop& own, auto&& put) {
+    for_each(last - first, 1, own, [&](Index i) {
+      const Index* face = faces[first + i];
       for (int k = 0; k < 3; ++k) {
         const Index a = face[k], b = face[k == 2 ? 0 : k + 1];
-        if (a != b) visit(a, b);
+        if (a != b) put(std::min(a, b), [&] { return static_cast<Small>(a < b ? 2 * b : 2 * a + 1); });
       }
     });
   };
-  Brief<Small> end(n_vertices + 1, 0);
-  each_edge(stop, [&](Index a, Index b) { ++end[std::min(a, b) + 1]; });
-  for (Index i = 0; i < n_vertices; ++i) end[i + 1] += end[i];
-  BriefArray<Small> keys(static_cast<std::size_t>(end[n_vertices]));
+  SharedBuckets<Small, Small> buckets(n_vertices, faces.size(), kLeast, threads, stop, each_edge);
   std::atomic<bool> is_balanced{true};
-  run_stretches(n_vertices, kLeast, threads, stop, [&](Index first, Index last, Stop& own) {
-    auto low = static_cast<Index>(end[first]);
-    // Those of its own vertices. Filling moves each start to where the next one was.
-    each_edge(own, [&](Index a, Index b) {
-      const Index v = std::min(a, b);
-      if (v < first || v >= last) return;
-      keys[static_cast<Index>(end[v]++)] = static_cast<Small>(a < b ? 2 * b : 2 * a + 1);
-    });
-    for (Index v = first; v < last && is_balanced.load(std::memory_order_relaxed); ++v) {
-      const auto high = static_cast<Index>(end[v]);
-      own.poll(1 + high - low);
-      std::sort(keys.get() + low, keys.get() + high);
-      while (low < high) {
-        const Small other = keys[low] / 2;
-        Index balance = 0;
-        for (; low < high && keys[low] / 2 == other; ++low) balance += keys[low] % 2 == 0 ? 1 : -1;
-        if (balance != 0) is_balanced = false;
-      }
+  buckets.for_each_bucket(stop, [&](Small* keys, Index n) {
+    std::sort(keys, keys + n);
+    for (Index i = 0; i < n;) {
+      const Small other = keys[i] / 2;
+      Index balance = 0;
+      for (; i < n && keys[i] / 2 == other; ++i) balance += keys[i] % 2 == 0 ? 1 : -1;
+      if (balance != 0) is_balanced = false;
     }
+    return is_balanced.load(std::memory_order_relaxed);
   });
   return is_balanced;
 }

@@ -5,6 +5,7 @@
 
 #include "spans.h"
 #include "stop.h"
+#include "unfilled.h"
 
 namespace voxkernel {
 
@@ -26,7 +27,7 @@ struct PlaneFrame {
 // The planes of a mesh, errors as of `facet_planes`; areas are those of the world.
 struct MeshPlanes {
   PlaneFrame frame;
-  std::vector<double> normals, offsets, areas, errors;
+  UnfilledVector<double> normals, offsets, areas, errors;
   Index undecided = 0;         // left to exact arithmetic
   Index refused = 0;           // those, and those without area
   bool bounds_volume = false;  // whether every edge of `faces` is traversed equally often in both directions
@@ -37,7 +38,7 @@ MeshPlanes mesh_planes(Points vertices, Triangles faces, Triangles corners, int 
 
 Index facet_planes(Points vertices, Triangles corners, const double* origin, double inverse_scale,
                    Rows<double, 3> normals, Span<double> offsets, Span<double> areas, Span<double> errors, Stop& stop);
-Box coordinate_range(Points vertices, Triangles faces, Stop& stop);
+Box coordinate_range(Points vertices, Triangles faces, int threads, Stop& stop);
 PlaneFrame plane_frame(Points vertices, Triangles faces, Stop& stop);
 // A lower bound of the mean square of unit normals along any direction, of every `step`-th, up to rounding.
 double least_spread(Points normals, Index step, Stop& stop);

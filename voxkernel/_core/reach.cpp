@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
-#include <utility>
 
 #include "workers.h"
 
@@ -110,32 +109,37 @@ bool CornerTree::reaches(const double* normal, double floor) const {
 // errors[i] (|center| + |v| + 1); slack and products add less than 8 u (|center| + |v| + 1). What is not listed
 // is therefore clear of every corner, and so of their hull, by more than `margin`; no neighbourhood of corners
 // and no hull is trusted for that.
-std::vector<Index> planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center,
-                                   Points corners, double margin, Span<const bool> among, int threads, Stop& stop) {
+UnfilledVector<Index> planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center,
+                                      Points corners, double margin, Span<const bool> among, int threads, Stop& stop) {
   const CornerTree tree(corners, threads, stop);
   double extent = 0.0;
   for (Index i = 0; i < corners.size(); ++i) extent = std::max(extent, dot(corners[i], corners[i]));
   const double size = std::sqrt(dot(center, center)) + 2.0 * std::sqrt(extent) + 1.0;
   const Index n = normals.size();
   const int n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
-  // Room for all, of which only what is used takes memory: none is moved, nor kept by a thread that has ended.
-  std::vector<std::vector<Index>> found(n_parts);
-  for (int part = 0; part < n_parts; ++part) {
-    found[part].reserve(part == 0 ? n : part_begin(n, n_parts, part + 1) - part_begin(n, n_parts, part));
-  }
-  run_parts(n_parts, stop, [&](int part, Stop& own) {
-    const Index last = part_begin(n, n_parts, part + 1);
-    for (Index i = part_begin(n, n_parts, part); i < last; ++i) {
-      own.poll();
-      if (among.size() > 0 && !among[i]) continue;
-      own.poll(15);
-      const double slack = offsets[i] - dot(normals[i], center);
-      const double pad = (errors[i] + 8.0 * kUnitRoundoff) * size;
-      if (tree.reaches(normals[i], slack - pad - margin)) found[part].push_back(i);
+  // Room for all, of which only what is used takes memory: those of a stretch stand where it begins.
+  UnfilledVector<Index> rows(n);
+  constexpr Index stretch = 1 << 12;
+  std::vector<Index> counts((n + stretch - 1) / stretch);
+  run_in_turn(static_cast<Index>(counts.size()), n_parts, stop, [&](Index begin, Index end, int, Stop& own) {
+    for (Index k = begin; k < end; ++k) {
+      const Index first = k * stretch, last = std::min(n, first + stretch);
+      for (Index i = first; i < last; ++i) {
+        own.poll();
+        if (among.size() > 0 && !among[i]) continue;
+        own.poll(15);
+        const double slack = offsets[i] - dot(normals[i], center);
+        const double pad = (errors[i] + 8.0 * kUnitRoundoff) * size;
+        if (tree.reaches(normals[i], slack - pad - margin)) rows[first + counts[k]++] = i;
+      }
     }
   });
-  std::vector<Index> rows = std::move(found[0]);
-  for (int part = 1; part < n_parts; ++part) rows.insert(rows.end(), found[part].begin(), found[part].end());
+  Index count = 0;
+  for (Index k = 0; k < static_cast<Index>(counts.size()); ++k) {
+    if (count < k * stretch) std::copy_n(rows.begin() + k * stretch, counts[k], rows.begin() + count);
+    count += counts[k];
+  }
+  rows.resize(count);
   return rows;
 }
 

@@ -6,6 +6,7 @@
 
 #include "spans.h"
 #include "stop.h"
+#include "unfilled.h"
 
 namespace voxkernel {
 
@@ -30,7 +31,7 @@ class CornerTree {
 };
 
 // Rows of the planes that a corner reaches; of `among`, where that is not empty, only those where it is true.
-std::vector<Index> planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center,
-                                   Points corners, double margin, Span<const bool> among, int threads, Stop& stop);
+UnfilledVector<Index> planes_reaching(Points normals, Doubles offsets, Doubles errors, const double* center,
+                                      Points corners, double margin, Span<const bool> among, int threads, Stop& stop);
 
 }  // namespace voxkernel

@@ -19,6 +19,8 @@ DESCRIPTION = (
 )
 EXAMPLES = ("voxkernel demo", "voxkernel demo -o pictures/demo")
 
+_KERNELS = "kernels"  # a folder of their own: `voxkernel score DIR/*.ply` takes the shapes alone
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -32,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     for package in ("pyvista", "plotly", "jinja2"):
         check_installed(package)
     folder = check_folder(args.output)
+    check_folder(str(folder / _KERNELS))
 
     from voxkernel.demo_shapes import SHAPES
     from voxkernel.pictures import interactive_page
@@ -56,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         "report": display(folder / "index.html"),
         "interactive": display(folder / "interactive.html"),
         "pictures": display(folder / "*.png"),
-        "kernels": display(folder / "*-kernel.ply") + ", " + display(folder / "*-kernel.json"),
+        "kernels": display(folder / _KERNELS / "*.ply") + ", " + display(folder / _KERNELS / "*.json"),
     })  # fmt: skip
     say(f"done in {time.perf_counter() - started:.0f} s; open {display(folder / 'index.html')}", quiet=args.quiet)
     return 0
@@ -71,8 +74,8 @@ def _one(shape: Any, folder: Path) -> dict[str, Any]:
     score = starshapeness(mesh)
     seconds = time.perf_counter() - started
     mesh.write(folder / f"{shape.name}.ply")
-    score.kernel.write(folder / f"{shape.name}-kernel.ply")
-    write_json(folder / f"{shape.name}-kernel.json", score.kernel.to_dict())
+    score.kernel.write(folder / _KERNELS / f"{shape.name}.ply")
+    write_json(folder / _KERNELS / f"{shape.name}.json", score.kernel.to_dict())
     picture = folder / f"{shape.name}.png"
     surface_picture(picture, mesh, score.kernel, title=shape.title)
     return {

@@ -75,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
     names = option_names(args.parser)
     for entry in summary["failures"]["rows"]:
         say(f"{display(entry['file'])}: {display(spoken(entry['reason'], names))}", quiet=args.quiet)
-    print(f"{display(args.output)}: {_words(summary.get('objects'))}")
+    failed = f"; failed: {result.n_failed}" if result.n_failed else ""
+    print(f"{display(args.output)}: {_words(summary.get('objects'))}{failed}")
     return 1 if result.n_failed else 0
 
 

@@ -12,6 +12,15 @@ from voxkernel.halfspaces import Domain
 
 __all__ = ["empty_kernel", "polytope_of"]
 
+# Of every kernel without points.
+_NO_POINTS = read_only(np.empty((0, 3)))
+_NO_FACES = read_only(np.zeros(1, np.int64))
+_NO_IDS = read_only(np.empty(0, np.int32))
+_NO_FACETS = read_only(np.empty(0, np.int64))
+_NO_ROWS = read_only(np.empty((0, 3), np.int32))
+_NOWHERE = read_only(np.full(3, np.nan))
+_NO_INERTIA = read_only(np.zeros((3, 3)))
+
 
 def polytope_of(
     shape: Shape, domain: Domain | None, cut: bool, bounded: bool, proof: Proof, unclipped: Proof
@@ -43,19 +52,18 @@ def polytope_of(
 
 def empty_kernel(domain: Domain | None, cut: bool, bounded: bool, proof: Proof, unclipped: Proof) -> KernelPolytope:
     """Put together a kernel without points."""
-    nowhere = read_only(np.full(3, np.nan))
     return KernelPolytope(
         dimension=-1,
-        vertices=read_only(np.empty((0, 3))),
-        face_starts=read_only(np.zeros(1, np.int64)),
-        _face_vertices=read_only(np.empty(0, np.int32)),
-        face_facets=read_only(np.empty(0, np.int64)),
-        _vertex_rows=read_only(np.empty((0, 3), np.int32)),
+        vertices=_NO_POINTS,
+        face_starts=_NO_FACES,
+        _face_vertices=_NO_IDS,
+        face_facets=_NO_FACETS,
+        _vertex_rows=_NO_ROWS,
         volume=0.0,
         area=0.0,
-        centroid=nowhere,
-        inertia=read_only(np.zeros((3, 3))),
-        deepest_point=nowhere,
+        centroid=_NOWHERE,
+        inertia=_NO_INERTIA,
+        deepest_point=_NOWHERE,
         clearance=float("nan"),
         domain=domain,
         cut_by_domain=cut,

@@ -26,7 +26,7 @@ def edge_convexity_of(
 
     Coordinates in use outside 2**-300 .. 2**300 are beyond the exact predicate and give 0.
     """
-    low, high, smallest = coordinate_range(vertices, faces)
+    low, high, smallest = coordinate_range(vertices, faces, threads)
     if max(np.abs(low).max(), np.abs(high).max()) > 2.0**300 or smallest < 2.0**-300:
         return 0
     return edge_convexity(vertices, faces, face_planes, plane_corners, least, threads)

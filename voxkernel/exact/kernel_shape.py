@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from heapq import nsmallest
 from itertools import pairwise
 from math import inf, isqrt, lcm, nextafter
 from typing import NamedTuple
@@ -19,8 +20,9 @@ from voxkernel.exact.dual_hull import (
     relevant_rows,
 )
 from voxkernel.exact.inner_point import inner_point
-from voxkernel.exact.meeting_points import RationalPoint, meeting_points
-from voxkernel.exact.rational_kernel import rational_kernel, rational_moments
+from voxkernel.exact.meeting_points import RationalPoint, homogeneous_meeting_points
+from voxkernel.exact.rational_kernel import rational_kernel
+from voxkernel.exact.rational_moments import flat_moments, solid_moments
 from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.plane_passes import largest_heights, reaching_planes
 from voxkernel.halfspaces.rational_program import deepest_rational_point
@@ -108,17 +110,13 @@ def _seems_convex(planes: HalfSpaces) -> bool:
     return bool((planes.local_normals[some] @ corners.T <= planes.local_offsets[some, None] + 1e-9).all())
 
 
-def _missing_rows(
-    planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64], threads: int
-) -> NDArray[np.int64]:
+def _missing_rows(planes: HalfSpaces, solid: Polyhedron, rows: NDArray[np.int64], threads: int) -> NDArray[np.int64]:
     """List the half-spaces left out that are not clear of all corners."""
     if len(rows) == len(planes):
         return rows[:0]
     is_out = np.ones(len(planes), np.bool_)
     is_out[rows] = False
-    return reaching_planes(
-        planes, solid.center, solid.vertices, margin=solid.reach, among=is_out, threads=threads
-    )
+    return reaching_planes(planes, solid.center, solid.vertices, margin=solid.reach, among=is_out, threads=threads)
 
 
 def _float_shape(planes: HalfSpaces, solid: Polyhedron, inside: Feasibility, threads: int) -> Shape:
@@ -161,10 +159,10 @@ def _volume_bounds(volume: float, rounding: float, scale: float) -> tuple[float,
 
 def _exact_shape(planes: HalfSpaces, solid: Polyhedron, shape: Shape) -> Shape:
     """Measure a thin or tiny polyhedron by exact sums over its exact vertices."""
-    corners = meeting_points(planes, solid.vertex_rows)
+    corners = homogeneous_meeting_points(planes, solid.vertex_rows)
     bounds = solid.start.tolist()
     faces = [solid.ring[a:b].tolist() for a, b in pairwise(bounds)]
-    exact_volume, area, centroid, inertia = rational_moments(3, corners, faces)
+    exact_volume, area, centroid, inertia = solid_moments(corners, faces)
     deepest, clearance = _exact_deepest(planes.select(solid.rows), float(np.abs(planes.to_local(shape.vertices)).max()))
     scale, unit = planes.scale, Fraction(planes.scale) * planes.lattice_unit
     volume = float(exact_volume / unit**3)
@@ -195,12 +193,15 @@ def _exact_deepest(faces: HalfSpaces, largest: float) -> tuple[NDArray[np.float6
         common = lcm(*(v.denominator for v in optimum.point))
         x, y, z = (int(v * common) for v in optimum.point)
         slacks = [d * common - a * x - b * y - c * z for a, b, c, d in planes]
-        depths = [Fraction(slack, length) for slack, length in zip(slacks, lengths, strict=True)]
-        least = min(depths[i] for i in chosen)
-        worse = sorted((d, i) for i, d in enumerate(depths) if d < least - abs(least) / (1 << 53))
+        least = min(Fraction(slacks[i], lengths[i]) for i in chosen)
+        bound = least - abs(least) / (1 << 53)
+        below, above = bound.numerator, bound.denominator
+        worse = [i for i, slack in enumerate(slacks) if slack * above < below * lengths[i]]
         if not worse:
+            below, above = least.numerator, least.denominator
+            depths = [Fraction(v, w) for v, w in zip(slacks, lengths, strict=True) if v * above <= below * w]
             return faces.from_lattice(optimum.point), float(min(depths) / common / unit)
-        chosen += [i for _, i in worse[:8]]
+        chosen += nsmallest(8, worse, key=lambda i: Fraction(slacks[i], lengths[i]))
 
 
 def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
@@ -210,7 +211,7 @@ def flat_shape(planes: HalfSpaces, inside: Feasibility) -> Shape | None:
         return None
     corners, faces = kernel
     scale, unit = planes.scale, Fraction(planes.scale) * planes.lattice_unit
-    _, area, centroid, _ = rational_moments(inside.dimension, corners, [f for _, f in faces])
+    area, centroid = flat_moments(inside.dimension, corners, [f for _, f in faces])
     vertices = np.array([planes.from_lattice(c) for c in corners])
     ring: list[int] = []
     rows: list[int] = []

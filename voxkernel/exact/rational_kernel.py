@@ -1,13 +1,9 @@
-"""Flat kernels in rational arithmetic, and moments of kernels of any dimension."""
+"""Flat kernels in rational arithmetic."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import pairwise
-from math import sqrt
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +14,8 @@ from voxkernel.halfspaces import Feasibility, HalfSpaces
 from voxkernel.halfspaces.plane_passes import largest_heights, reaching_planes, tightest_planes
 from voxkernel.halfspaces.predicates import exact_slacks
 
-__all__ = ["RationalKernel", "rational_kernel", "rational_moments"]
+__all__ = ["RationalKernel", "rational_kernel"]
 
-_Number = TypeVar("_Number", Fraction, int)
 RationalKernel = tuple[list[RationalPoint], list[tuple[int, list[int]]]]
 
 _REACHES = (8, 2**14, 2**28, 2**60, 2**120)
@@ -92,9 +87,7 @@ def _lift(z: tuple[Fraction, ...], inside: Feasibility) -> RationalPoint:
     return x, y, w
 
 
-def _cutting_rows(
-    planes: HalfSpaces, corners: list[RationalPoint], known: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _cutting_rows(planes: HalfSpaces, corners: list[RationalPoint], known: NDArray[np.int64]) -> NDArray[np.int64]:
     """List half-spaces that some corner violates, exactly, but for the known ones; the worst few per round."""
     local = np.array([planes.from_lattice(c) for c in corners])
     size = float(np.abs(local).max())
@@ -116,82 +109,3 @@ def _directions_missing(planes: HalfSpaces, inside: Feasibility, rows: NDArray[n
     """List the tightest half-space of every direction bin around the point: they bound what can be bounded."""
     assert inside.local_point is not None
     return np.setdiff1d(tightest_planes(planes, inside.local_point), rows)
-
-
-def rational_moments(
-    dimension: int, corners: list[RationalPoint], faces: list[list[int]]
-) -> tuple[Fraction, Fraction, RationalPoint, list[list[Fraction]]]:
-    """Volume, area (its root rounded), centroid and second central moment of a rational polytope.
-
-    Solids are cut into tetrahedra from corner 0, polygons into triangles. Corners of solids are rounded
-    to a grid so fine that no double of the result notices.
-    """
-    zero = Fraction(0)
-    base = corners[0]
-    relative = [[u - v for u, v in zip(c, base, strict=True)] for c in corners]
-    second = [[zero] * 3 for _ in range(3)]
-    if dimension < 3:
-        area = zero
-        weights: list[tuple[Fraction, list[Fraction]]] = []
-        if dimension == 2:
-            for i, j in faces:
-                size = _length(_cross(relative[i], relative[j])) / 2
-                area += size
-                weights.append((size, [(u + v) / 3 for u, v in zip(relative[i], relative[j], strict=True)]))
-        else:
-            weights = [(Fraction(1), r) for r in relative]
-        total = sum((w for w, _ in weights), zero)
-        mean = [sum((w * m[k] for w, m in weights), zero) / total + base[k] for k in range(3)]
-        return zero, area, (mean[0], mean[1], mean[2]), second
-    size = max(abs(v) for r in relative for v in r)
-    bits = 256
-    while True:
-        unit = Fraction(2) ** (size.numerator.bit_length() - size.denominator.bit_length() + 1 - bits)
-        volume6, area2, first24, second120 = _moments([[round(v / unit) for v in r] for r in relative], faces)
-        # Rounding moves corners by one unit: the thinner the solid, the more bits its moments need.
-        needed = 64 + 3 * (3 * bits - volume6.bit_length())
-        if volume6 > 0 and bits >= needed:
-            break
-        bits = needed if volume6 > 0 else 4 * bits
-    mean = [Fraction(v, 4 * volume6) for v in first24]
-    second = [
-        [(Fraction(second120[p][q], 120) - Fraction(volume6, 6) * mean[p] * mean[q]) * unit**5 for q in range(3)]
-        for p in range(3)
-    ]
-    x, y, z = (u * unit + v for u, v in zip(mean, base, strict=True))
-    return Fraction(volume6, 6) * unit**3, area2 * unit**2 / 2, (x, y, z), second
-
-
-def _moments(
-    corners: list[list[int]], faces: list[list[int]]
-) -> tuple[int, Fraction, list[int], list[list[int]]]:
-    """6 x volume, 2 x area, 24 x first and 120 x second moment about the origin, in integers but for the area."""
-    volume = 0
-    area = Fraction(0)
-    first = [0] * 3
-    second = [[0] * 3 for _ in range(3)]
-    for ring in faces:
-        for j, k in pairwise(ring[1:]):
-            a, b, c = corners[ring[0]], corners[j], corners[k]
-            normal = _cross([u - v for u, v in zip(b, a, strict=True)], [u - v for u, v in zip(c, a, strict=True)])
-            area += _length(normal)
-            part = sum(u * v for u, v in zip(a, normal, strict=True))
-            volume += part
-            total = [u + v + w for u, v, w in zip(a, b, c, strict=True)]
-            for p in range(3):
-                first[p] += part * total[p]
-                for q in range(3):
-                    second[p][q] += part * (a[p] * a[q] + b[p] * b[q] + c[p] * c[q] + total[p] * total[q])
-    return volume, area, first, second
-
-
-def _cross(a: list[_Number], b: list[_Number]) -> list[_Number]:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def _length(a: Sequence[Fraction | int]) -> Fraction:
-    """Length of a rational vector, rounded to a double's accuracy but not to its range."""
-    largest = max(abs(v) for v in a)
-    if largest == 0:
-        return Fraction(0)
-    return largest * Fraction(sqrt(sum(float(v / largest) ** 2 for v in a)))

@@ -29,6 +29,7 @@ from voxkernel.halfspaces.integer_planes import (
     ratios,
     to_float,
     triangle_plane,
+    triangle_planes,
 )
 from voxkernel.halfspaces.local_frame import (
     LARGEST,
@@ -169,9 +170,7 @@ class HalfSpaces(Frozen):
         )
 
     @classmethod
-    def _in_frame(
-        cls, corners: NDArray[np.float64], facet_ids: NDArray[np.int64], frame: LocalFrame
-    ) -> HalfSpaces:
+    def _in_frame(cls, corners: NDArray[np.float64], facet_ids: NDArray[np.int64], frame: LocalFrame) -> HalfSpaces:
         """Build those of some triangles (m, 3, 3) of a surface in the frame of all of it: the same to the last bit.
 
         Triangles without area are left out and counted.
@@ -203,9 +202,7 @@ class HalfSpaces(Frozen):
         )
 
     @classmethod
-    def from_planes(
-        cls, normals: ArrayLike, offsets: ArrayLike, *, weights: ArrayLike | None = None
-    ) -> HalfSpaces:
+    def from_planes(cls, normals: ArrayLike, offsets: ArrayLike, *, weights: ArrayLike | None = None) -> HalfSpaces:
         """Build half-spaces `n . x <= d` from planes given as numbers; these doubles are exact.
 
         Parameters
@@ -337,13 +334,14 @@ class HalfSpaces(Frozen):
 
     def integer_planes(self, ids: NDArray[Any] | Sequence[int]) -> list[IntegerPlane]:
         """Give planes exactly: integers (a, b, c, d) with `(a, b, c) . y <= d` in lattice coordinates y."""
+        bits = self._lattice_bits
+        plane_of = triangle_planes(self._vertices, bits)
         planes: list[IntegerPlane] = []
-        for i in ids:
-            row = self._corners[i]
+        for row in self._corners[np.asarray(ids, np.int64)].tolist():
             if row[0] < 0:
-                planes.append(explicit_plane(self._explicit[-1 - row[0]], self._lattice_bits))
+                planes.append(explicit_plane(self._explicit[-1 - row[0]], bits))
             else:
-                a, b, c, d = triangle_plane(self._vertices, row, self._lattice_bits)
+                a, b, c, d = plane_of(row)
                 planes.append((a, b, c, 0 if self.is_cone else d))
         return planes
 
@@ -376,9 +374,7 @@ class HalfSpaces(Frozen):
 
     def first_of_planes(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of ascending rows, the first on each plane, as `coplanar_groups` finds them."""
-        return first_of_planes(
-            self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, rows
-        )
+        return first_of_planes(self.local_normals, self._vertices, self._corners, self._explicit, self.is_cone, rows)
 
     def merged(self) -> HalfSpaces:
         """Merge exactly coplanar duplicates: the first one stays and takes the sum of the weights."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from math import frexp, isqrt
 
@@ -18,6 +19,7 @@ __all__ = [
     "round_plane",
     "to_float",
     "triangle_plane",
+    "triangle_planes",
 ]
 
 IntegerPlane = tuple[int, int, int, int]
@@ -63,9 +65,31 @@ def _to_integer(value: float, bits: int) -> int:
 
 def triangle_plane(vertices: NDArray[np.float64], row: NDArray[np.int64], bits: int) -> IntegerPlane:
     """Give the plane through three vertices of the lattice."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
-        [_to_integer(float(v), bits) for v in vertices[corner]] for corner in row
-    )
+    p, q, r = row.tolist()
+    return _plane_through(*(_lattice_point(vertices[corner], bits) for corner in (p, q, r)))
+
+
+def triangle_planes(vertices: NDArray[np.float64], bits: int) -> Callable[[list[int]], IntegerPlane]:
+    """Give the planes of triangles that share vertices: each vertex is made of integers once."""
+    known: dict[int, tuple[int, int, int]] = {}
+
+    def plane_of(row: list[int]) -> IntegerPlane:
+        for corner in row:
+            if corner not in known:
+                known[corner] = _lattice_point(vertices[corner], bits)
+        p, q, r = row
+        return _plane_through(known[p], known[q], known[r])
+
+    return plane_of
+
+
+def _lattice_point(point: NDArray[np.float64], bits: int) -> tuple[int, int, int]:
+    x, y, z = point.tolist()
+    return _to_integer(x, bits), _to_integer(y, bits), _to_integer(z, bits)
+
+
+def _plane_through(a: tuple[int, int, int], b: tuple[int, int, int], c: tuple[int, int, int]) -> IntegerPlane:
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = a, b, c
     ux, uy, uz = bx - ax, by - ay, bz - az
     vx, vy, vz = cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

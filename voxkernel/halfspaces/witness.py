@@ -58,9 +58,8 @@ def _cofactors(planes: list[tuple[int, int, int, int]]) -> tuple[int, ...] | Non
 def _balance(planes: list[tuple[int, int, int, int]]) -> list[int]:
     """The one combination, up to a factor, of normals that vanishes; empty where there is none, or more than one."""
     if len(planes) == 4:
-        return [
-            (-1) ** skip * _determinant(*(p for i, p in enumerate(planes) if i != skip)) for skip in range(4)
-        ]
+        a, b, c, d = planes
+        return [_determinant(b, c, d), -_determinant(a, c, d), _determinant(a, b, d), -_determinant(a, b, c)]
     if len(planes) == 3:
         a, b, c = planes
         if _determinant(a, b, c) != 0:
@@ -83,7 +82,8 @@ def _minor(a: tuple[int, ...], b: tuple[int, ...], axis: int) -> int:
 
 
 def _determinant(a: tuple[int, ...], b: tuple[int, ...], c: tuple[int, ...]) -> int:
-    return sum(a[axis] * _minor(b, c, axis) for axis in range(3))
+    (ax, ay, az, *_), (bx, by, bz, *_), (cx, cy, cz, *_) = a, b, c
+    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
 
 
 def witness_of(ids: NDArray[np.int64], multipliers: dict[int, Fraction]) -> Witness:

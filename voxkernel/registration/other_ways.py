@@ -18,23 +18,24 @@ _SAME_RATIO = 0.03  # ratios nearer than this are tried once
 _ALIKE = 0.15  # by which the ratios of kernels, areas and diagonals may differ where whole surfaces differ in size
 _LEAST_CHANGE = 0.05
 _QUICK = 1  # sources of candidates tried for another way
+_SURE = 0.9  # an answer as probable as this is not compared with that of facets turned over
 
 
 def facets_turned(pair: Pair, found: Solution, method: Refine) -> Solution | None:
-    """Turn the facets of the first surface over; None where that cannot help or is not believed."""
-    if found.judged.probability >= RIGHT or _both_face_outward(pair):
+    """Turn the facets of the first surface over; None where that cannot help or what was found is more probable."""
+    one, two = (_side(p) for p in pair)
+    if one * two > 0 or (found.judged.probability >= _SURE and one * two == 0):
         return None
     mesh = pair[0].mesh
     over = prepare(mesh.from_triangles(mesh.vertices, mesh.faces[:, ::-1], source=mesh.source), pair[0].margins)
     turned = over, pair[1]
     other = solve(turned, turned, method, sources=_QUICK)
-    return other if other.judged.probability >= RIGHT else None
+    return other if other.judged.probability >= max(RIGHT, found.judged.probability) else None
 
 
-def _both_face_outward(pair: Pair) -> bool:
-    """Whether both surfaces are closed and enclose volumes of one sign."""
-    volumes = [_volume(p) for p in pair]
-    return all(not p.skin.rim.vertices.any() for p in pair) and volumes[0] * volumes[1] > 0
+def _side(surface: PreparedSurface) -> float:
+    """What has the sign of the volume that a closed surface encloses; 0 of an open one."""
+    return 0.0 if surface.skin.rim.vertices.any() else _volume(surface)
 
 
 def _volume(surface: PreparedSurface) -> float:
