@@ -201,7 +201,8 @@ def _run(args: argparse.Namespace) -> int:
         methods_of()[name][1](next(formula_pairs(1)))
     before = kept(args.outcomes)
     if data is None:
-        outcomes = measure(formula_pairs(args.pairs), args.methods, before, quiet=args.quiet)
+        wanted = (p for p in formula_pairs(args.pairs) if _wanted(p.row, args.only))
+        outcomes = measure(wanted, args.methods, before, quiet=args.quiet)
     else:
         makers = {
             "scans": scan_pairs, "closed": closed_pairs, "partial": partial_rows, "bodies": body_rows,
@@ -212,6 +213,8 @@ def _run(args: argparse.Namespace) -> int:
             count = 10 * args.pairs if name == "range" else args.pairs
             wanted = (p for p in makers[name](data, count, args.first) if _wanted(p.row, args.only))
             outcomes += measure(wanted, args.methods, before, quiet=args.quiet)
+    if args.only and not outcomes:
+        raise tool.UsageError(f"--only must have a word of a row; got '{' '.join(args.only)}'")
     order = {name: k for k, name in enumerate(dict.fromkeys(o.row for o in outcomes))}
     outcomes.sort(key=lambda o: order[o.row])
     text = table(outcomes, args.methods)

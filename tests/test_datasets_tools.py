@@ -340,3 +340,9 @@ def test_registration_is_measured_and_written(tmp_path, capsys):
     assert evaluate_registration.main(argv) == 0
     assert (tmp_path / "lines.jsonl").read_text() == before
     assert json.loads((tmp_path / "raw.json").read_text()) == outcomes
+    # Only the rows with a word, of what is known.
+    assert evaluate_registration.main([*argv, "--only", "cropped"]) == 0
+    assert {o["row"] for o in json.loads((tmp_path / "raw.json").read_text())} == {"formula, 20 % cropped"}
+    capsys.readouterr()
+    assert evaluate_registration.main([*argv, "--only", "shoulders"]) == 2
+    assert "--only must have a word of a row; got 'shoulders'" in capsys.readouterr().err

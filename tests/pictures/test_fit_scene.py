@@ -132,3 +132,10 @@ def test_a_picture_takes_what_register_took(tmp_path):
     assert (tmp_path / "prepared.png").read_bytes() == (tmp_path / "given.png").read_bytes()
     with pytest.raises(voxkernel.MeshReadError, match=r"none\.ply"):
         registration_picture(tmp_path / "a.png", tmp_path / "none.ply", target, found)
+
+
+@pytest.mark.parametrize("found", [None, np.eye(4)])
+def test_what_is_no_registration_is_one_line(found, tmp_path):
+    with pytest.raises(TypeError, match=r"^`found` must be a Registration, what `register` gives; got \w+$"):
+        registration_picture(tmp_path / "a.png", plate(0.0), plate(0.1), found)
+    assert not any(tmp_path.iterdir())

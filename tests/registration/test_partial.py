@@ -79,6 +79,17 @@ def test_strips_that_explain_more_a_little_off_lie_where_they_fit():
     assert off(found.T_target_source, motion, mesh.vertices) < 1e-6
 
 
+def test_a_fifth_of_a_smooth_face_in_common_is_enough():
+    """40 % of the facets cut off either copy, on opposite sides: most matches of features are false."""
+    mesh = face()
+    order = np.argsort(mesh.vertices[mesh.faces].mean(axis=1)[:, 1], kind="stable")
+    n = round(0.6 * len(order))
+    motion, upper = away((mesh.vertices, mesh.faces[order[-n:]]), 3)
+    found = register((mesh.vertices, mesh.faces[order[:n]]), upper)
+    assert (found.verdict, found.ambiguous) == ("right", False)
+    assert off(found.T_target_source, motion, mesh.vertices) < 1e-6
+
+
 def test_parts_with_nothing_in_common_are_not_called_right():
     whole = hills()
     _, right = away(part(whole, 0.66, 1.3), 3)

@@ -70,11 +70,15 @@ def registration_picture(
     ------
     ValueError
         If the suffix is another, `size` is too small or too large, or `up` is no direction.
-    MeshError, MeshReadError, TypeError
+    MeshError, MeshReadError
         If a surface cannot be used.
+    TypeError
+        If a surface is none, or `found` is not what `register` gives.
     OSError
         If the file cannot be written.
     """
+    if not isinstance(found, Registration):
+        raise TypeError(f"`found` must be a Registration, what `register` gives; got {type(found).__name__}")
     place, kind = check_picture(path)
     pixels = check_size(size, LEAST)
     wanted = as_up(up)

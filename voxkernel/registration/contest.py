@@ -36,10 +36,11 @@ _SIZE_STEPS = 6
 _WHOLE_SIZE_STEPS = 3
 _SAME_SIZE = 2e-3  # logarithm of a scale that is not measured on all samples
 # Spacing of points with features, a share of the larger diagonal, and how many spacings around it a feature describes.
-_FEATURES = ((1 / 50, 5.0), (1 / 70, 5.0), (1 / 50, 3.0))
-_MOST = {"kernel": 60, "part": 12, "feature": 8}  # moved by a short ICP
+_FEATURES = ((1 / 50, 5.0), (1 / 60, 3.5), (1 / 90, 4.0))
+_MOST = {"kernel": 60, "part": 12, "feature": 40}  # moved by a short ICP; those of features are judged as they are
 _MOST_OTHERS = 12
-_POLISHED = {"kernel": 3}  # of each source; 2 of the others
+_POLISHED = {"kernel": 3, "feature": 4}  # of each source; 2 of the others
+_MOST_AGREED = 2  # motions on which most matches of features agree, refined whatever they explain before
 _HOPELESS = -0.05  # a rank before refinement below which only kernels' candidates are refined
 _WORSE = 0.35  # a score so far below the best is not looked at more closely
 _AHEAD = 0.25  # a refined rank so far above the unrefined ones of other candidates ends the source
@@ -201,16 +202,23 @@ class Contest:
             if all(_apart(moved, self._start(k)) for k in kept):
                 kept.append(guess)
                 ranks.append(fit_of(*self.few, moved, 2.0 * self.reach).rank)
-            if len(kept) == 3 * most or guess.moved_score < near[0].moved_score - _WORSE:
+            few = origin != "feature" and len(kept) == 3 * most
+            if few or guess.moved_score < near[0].moved_score - _WORSE:
                 break
         order = sorted(range(len(kept)), key=lambda k: -ranks[k])[:most]
+        if origin == "feature":
+            order += [k for k in range(min(_MOST_AGREED, len(kept))) if k not in order]
         for k in order:
-            if origin != "kernel" and ranks[k] < _HOPELESS:
-                break
-            ahead = _AHEAD if origin == "kernel" else 1.0  # what is not believed does not end later sources
-            if any(end.rank > _CLEARLY and ranks[k] < max(0.5 * end.rank, end.rank - ahead) for end in self.ends):
+            if origin != "feature" and self._is_hopeless(ranks[k], origin):
                 break
             self._refine(self._start(kept[k]), kept[k])
+
+    def _is_hopeless(self, rank: float, origin: str) -> bool:
+        """Whether a candidate need not be refined; where little is in common, what explains little may be true."""
+        if origin != "kernel" and rank < _HOPELESS:
+            return True
+        ahead = _AHEAD if origin == "kernel" else 1.0  # what is not believed does not end later sources
+        return any(end.rank > _CLEARLY and rank < max(0.5 * end.rank, end.rank - ahead) for end in self.ends)
 
     def _start(self, guess: Guess) -> NDArray[np.float64]:
         return motion_on_grid(scaled(guess.moved, 1.0 / self.scale))

@@ -12,7 +12,6 @@ from voxkernel._open3d import open3d
 from voxkernel.registration.icp import laid
 from voxkernel.registration.prepare import PreparedSurface, samples_of
 from voxkernel.registration.rounding import on_grid
-from voxkernel.registration.search import rotation_angle_deg
 
 __all__ = ["FeaturePoints", "feature_motions", "feature_points"]
 
@@ -22,9 +21,9 @@ _MOST_POINTS = 2500
 _MOST_MATCHES = 1000
 _SAME = 1.0  # spacings by which lengths of a pair of matches may differ
 _TURN = 0.35  # by which cosines of a pair of matches may differ
-_SEEDS = 60
-_GROUP = 24  # matches around a seed that give a motion
+_GROUP = 10  # matches around a seed that give a motion
 _NEAR = 1.5  # spacings within which a match holds
+_FACING = 0.7  # cosine between the normals of a match that holds
 _DISTINCT_DEG = 6.0
 
 
@@ -73,7 +72,7 @@ def feature_motions(one: FeaturePoints, two: FeaturePoints, spacing: float, most
     agree = _compatible(p, q, n, m, spacing)
     support = agree * (agree @ agree)
     worth = support.sum(axis=1)
-    seeds = np.argsort(-worth, kind="stable")[:_SEEDS]
+    seeds = np.argsort(-worth, kind="stable")
     seeds = seeds[worth[seeds] > 0]
     if not len(seeds):
         return []
@@ -81,27 +80,44 @@ def feature_motions(one: FeaturePoints, two: FeaturePoints, spacing: float, most
     weights = np.take_along_axis(support[seeds], group, axis=1)
     weights[:, 0] = np.maximum(weights[:, 0], 1e-6)
     motions = laid(p[group], q[group], weights)
-    moved = np.einsum("kij,nj->kni", motions[:, :3, :3], p) + motions[:, None, :3, 3]
-    holds = (np.linalg.norm(moved - q, axis=2) < _NEAR * spacing) & (
-        np.einsum("kij,nj,ni->kn", motions[:, :3, :3], n, m) > 0.7
-    )
-    kept: list[NDArray[np.float64]] = []
-    middle = p.mean(axis=0)
+    holds = _holds(motions, (p, q, n, m), spacing)
+    tried, kept = _Apart(p.mean(axis=0), spacing), _Apart(p.mean(axis=0), spacing)
     for k in np.argsort(-holds.sum(axis=1), kind="stable"):
         inside = holds[k]
-        if inside.sum() < 3:
+        if inside.sum() < 3 or len(kept.motions) == most:
             break
-        motion = laid(p[None, inside], q[None, inside], np.ones((1, int(inside.sum()))))[0]
-        if all(_apart(motion, other, middle, spacing) for other in kept):
-            kept.append(motion)
-        if len(kept) == most:
-            break
-    return kept
+        if tried.add(motions[k]):
+            kept.add(laid(p[None, inside], q[None, inside], np.ones((1, int(inside.sum()))))[0])
+    return kept.motions
 
 
-def _apart(one: NDArray[np.float64], two: NDArray[np.float64], middle: NDArray[np.float64], spacing: float) -> bool:
-    shift = (one - two)[:3, :3] @ middle + (one - two)[:3, 3]
-    return rotation_angle_deg(one, two) > _DISTINCT_DEG or bool(np.linalg.norm(shift) > 3.0 * spacing)
+def _holds(motions: NDArray[np.float64], matches: tuple[NDArray[np.float64], ...], spacing: float) -> NDArray[np.bool_]:
+    """Say for each motion which matches it lays on each other, facing the same way."""
+    p, q, n, m = matches
+    turns = np.ascontiguousarray(motions[:, :3, :3])
+    gaps = np.matmul(turns, p.T) + (motions[:, :3, 3:] - q.T)
+    near = np.einsum("kin,kin->kn", gaps, gaps) < (_NEAR * spacing) ** 2
+    cosines = turns.reshape(-1, 9) @ (m[:, :, None] * n[:, None, :]).reshape(-1, 9).T
+    return near & (cosines > _FACING)
+
+
+class _Apart:
+    """Motions that are not close to one that is already there."""
+
+    def __init__(self, middle: NDArray[np.float64], spacing: float) -> None:
+        self.motions: list[NDArray[np.float64]] = []
+        self._middle, self._spacing = middle, spacing
+        self._turns, self._places = np.empty((0, 9)), np.empty((0, 3))
+
+    def add(self, motion: NDArray[np.float64]) -> bool:
+        """Keep a motion, unless it is close to another one."""
+        turn, place = motion[:3, :3].ravel(), motion[:3, :3] @ self._middle + motion[:3, 3]
+        same_turn = self._turns @ turn >= 1.0 + 2.0 * np.cos(np.radians(_DISTINCT_DEG))
+        if (same_turn & (np.linalg.norm(self._places - place, axis=1) <= 3.0 * self._spacing)).any():
+            return False
+        self.motions.append(motion)
+        self._turns, self._places = np.vstack([self._turns, turn]), np.vstack([self._places, place])
+        return True
 
 
 def _matches(one: NDArray[np.float32], two: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +17,12 @@ __all__ = ["Judge", "Judged"]
 
 _CLEAR = 0.75  # a probability at which no further source of candidates is asked
 _BELIEVED = 0.5  # a probability from which an end is preferred to one that explains more and is believed less
+_LEAST_RANK = 0.1  # of an end that is looked at once more
+_MAY_BE = 0.1  # a probability before an end is refined on all samples
 _OTHER_SIZE = 0.02
 _OTHERWISE = 0.02  # the most that is believed where another size fits better
 _EQUAL_RANKS = 0.02
+_MUCH_LESS = 0.02  # odds that are such a share of those of the answer are no other answer
 _SLIDES = 4e-3  # of the largest eigenvalue: a direction that may be free
 
 
@@ -48,13 +52,27 @@ class Judge:
     def __init__(self, contest: Contest) -> None:
         self.contest = contest
         self._known: list[tuple[End, _Measured]] = []
+        self._looked_at: list[End] = []
 
     def clear(self) -> bool:
         """Whether the end that explains most, or one that comes after it, is clearly believed."""
         best = self.contest.best
         if best is None or self.of(best).probability > _CLEAR:
             return best is not None
-        return any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self.contest.contenders())
+        if any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self.contest.contenders()):
+            return True
+        return any(self._could_be(end) and self.of(end).probability > _CLEAR for end in self._overlooked())
+
+    def _overlooked(self) -> Iterator[End]:
+        """Refine ends that explain less than others but, as they are, may be believed."""
+        for end in [e for e in self.contest.ends if not e.whole and e.rank >= _LEAST_RANK]:
+            if any(other is end for other in self._looked_at):
+                continue
+            self._looked_at.append(end)
+            motion = end.polished.transform
+            rough = self.contest.evidence(motion)
+            if believed(descriptors(rough, self._rival(end), 1.0, 0.0)) >= _MAY_BE:
+                yield self.contest.whole(end)
 
     @property
     def best(self) -> End | None:
@@ -87,25 +105,28 @@ class Judge:
         return _Measured(evidence, size, error, size if other else 1.0)
 
     def doubt(self, best: End) -> str:
-        """Say why the answer is one of several, or nothing; what is no match by itself is no other answer."""
+        """Say why the answer is one of several, or nothing; what is believed much less is no other answer."""
         free = self.contest.slides(best, _SLIDES)
         if free:
             ways = "one way" if free == 1 else f"{free} ways"
             return f"the surfaces slide on each other in {ways}, as spheres and bodies of revolution do"
-        is_believed = self.of(best).probability >= _BELIEVED
+        probability = self.of(best).probability
+        odds = _MUCH_LESS * probability / max(1.0 - probability, 1e-9)
         for other in self.contest.rivals(best):
             if best.rank - other.rank >= _EQUAL_RANKS:
                 break
-            if is_believed and self._is_no_match(other):
+            if probability >= _BELIEVED and self._is_no_match(other, odds):
                 continue
             angle = rotation_angle_deg(other.polished.transform, best.polished.transform)
             ranks = f"{best.rank:.3f} and {other.rank:.3f}"
             return f"another motion, {angle:.0f} degrees away, fits as well (ranks {ranks})"
         return ""
 
-    def _is_no_match(self, end: End) -> bool:
+    def _is_no_match(self, end: End, odds: float) -> bool:
+        """Whether an end is no match by itself, or its odds are below those given."""
         settled = self.contest.whole(end)
-        return not self._could_be(settled, NO_MATCH) or self.of(settled).probability < NO_MATCH
+        least = max(NO_MATCH, odds / (1.0 + odds))
+        return not self._could_be(settled, least) or self.of(settled).probability < least
 
     def _could_be(self, end: End, least: float = _BELIEVED) -> bool:
         """Whether an end would be believed so much if no other size fitted better: it is believed less."""
