@@ -77,7 +77,7 @@ def registration_picture(
     OSError
         If the file cannot be written.
     """
-    if not isinstance(found, Registration):
+    if not isinstance(found, Registration):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise TypeError(f"`found` must be a Registration, what `register` gives; got {type(found).__name__}")
     place, kind = check_picture(path)
     pixels = check_size(size, LEAST)
