@@ -77,9 +77,9 @@ def registration_picture(
     OSError
         If the file cannot be written.
     """
+    place, kind = check_picture(path)
     if not isinstance(found, Registration):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise TypeError(f"`found` must be a Registration, what `register` gives; got {type(found).__name__}")
-    place, kind = check_picture(path)
     pixels = check_size(size, LEAST)
     wanted = as_up(up)
     motion = found.T_target_source
