@@ -14,7 +14,7 @@ namespace voxkernel {
 namespace {
 
 constexpr Index kLeast = 1 << 14;  // vertices or faces that are worth a thread
-constexpr Index kMostParts = 8;    // each counts the triangles of every vertex
+constexpr int kMostParts = 8;      // each counts the triangles of every vertex
 
 Index next_corner(const Index* face, int k) { return face[k == 2 ? 0 : k + 1]; }
 
@@ -145,8 +145,7 @@ UsedVertices used_vertices(Points vertices, Triangles faces, const double* origi
 
 UnfilledVector<std::int32_t> triangles_at_vertices(SmallIndices ring, Index n, int threads, Stop& stop) {
   const Index n_triangles = ring.size() / 3;
-  const auto n_parts =
-      static_cast<int>(std::max<Index>(1, std::min({Index{threads}, n_triangles / kLeast, kMostParts})));
+  const int n_parts = worth_threads(n_triangles, kLeast, std::min(threads, kMostParts));
   // How many of the triangles before a part, and of all, have a vertex.
   std::vector<Brief<std::int32_t>> seen(n_parts);
   Brief<std::int32_t> count(n);

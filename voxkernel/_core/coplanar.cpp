@@ -19,7 +19,7 @@ namespace {
 constexpr Index kBlock = 256;
 constexpr Index kMany = 1 << 16;                   // keys that are held at a time
 constexpr Index kLeast = 1 << 13;                  // half-spaces that are worth a thread
-constexpr Index kMostParts = 8;                    // of the heads, each with a note for every vertex
+constexpr int kMostParts = 8;                      // of the heads, each with a note for every vertex
 constexpr std::uint64_t kOdd = ~std::uint64_t{0};  // of planes whose numbers are all 0 modulo the prime
 
 using Plane = std::array<Residue, 4>;
@@ -220,7 +220,7 @@ std::vector<Index> coplanar_groups(Points normals, const InputPlanes& sources, i
   for (Index i = 0; i < n; ++i) groups[i] = i;
   if (!are_within_range(sources, threads, stop)) return groups;
   // Each thread has a part of the keys, and the heads of those.
-  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min({Index{threads}, n / kLeast, kMostParts})));
+  const int n_parts = worth_threads(n, kLeast, std::min(threads, kMostParts));
   std::vector<Heads> heads(n_parts, Heads(normals, sources));
   std::vector<std::uint64_t> keys(std::min(n, kMany));
   std::vector<Index> odd;

@@ -68,7 +68,7 @@ class PolytopeReader {
   // Calls `work(first, last, part, stop)` for stretches of 0 .. size.
   template <typename Work>
   int each_part(Index size, Work&& work) {
-    const int n = static_cast<int>(std::max<Index>(1, std::min<Index>(threads(), size / kLeast)));
+    const int n = worth_threads(size, kLeast, threads());
     run_parts(n, stop_, [&](int part, Stop& own) {
       work(static_cast<Place>(part_begin(size, n, part)), static_cast<Place>(part_begin(size, n, part + 1)), part, own);
     });
@@ -78,7 +78,7 @@ class PolytopeReader {
   // The same for shorter stretches, of which each thread takes the next one.
   template <typename Work>
   void each_in_turn(Index size, Work&& work) {
-    const int n = static_cast<int>(std::max<Index>(1, std::min<Index>(threads(), size / kLeast)));
+    const int n = worth_threads(size, kLeast, threads());
     run_in_turn(size, n, stop_, [&](Index first, Index last, int part, Stop& own) {
       work(static_cast<Place>(first), static_cast<Place>(last), part, own);
     });
@@ -420,7 +420,7 @@ class PolytopeReader {
 
 HullPolytope dual_hull(const LocalPlanes& planes, const PlaneSource& source, std::vector<Index>&& rows,
                        int cube_exponent, int threads, Stop& stop) {
-  threads = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, static_cast<Index>(rows.size()) / kLeast)));
+  threads = worth_threads(static_cast<Index>(rows.size()), kLeast, threads);
   DualPoints duals;
   sort_rows(planes, rows, duals, threads, stop);
   forget(rows);

@@ -59,7 +59,7 @@ void sort_keys(Brief<Keyed>& order, int threads, Stop& stop) {
   constexpr int kBits = (kKeyBits + 1) / 2;
   constexpr std::uint32_t kMask = (1u << kBits) - 1;
   const auto n = static_cast<Index>(order.size());
-  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
+  const int n_parts = worth_threads(n, kLeast, threads);
   Brief<Keyed> other(order.size());
   std::vector<std::vector<std::int32_t>> begin(n_parts);
   for (const int shift : {0, kBits}) {

@@ -7,17 +7,18 @@
 #include <limits>
 #include <memory>
 #include <new>
-#include <utility>
 #include <vector>
 
 #ifdef __linux__
 #include <sys/mman.h>
 #endif
 
+#include "unfilled.h"
+
 namespace voxkernel {
 
 template <typename T>
-struct Pages {
+struct Pages : Unconstructed {
   using value_type = T;
 
   Pages() = default;
@@ -34,15 +35,6 @@ struct Pages {
     }
 #endif
     return std::allocator<T>().allocate(n);
-  }
-  // Elements that are not given are not filled: who writes them first, on whatever thread, touches their pages.
-  template <typename U>
-  void construct(U* place) noexcept {
-    ::new (static_cast<void*>(place)) U;
-  }
-  template <typename U, typename... Given>
-  void construct(U* place, Given&&... given) {
-    ::new (static_cast<void*>(place)) U(std::forward<Given>(given)...);
   }
   void deallocate(T* memory, std::size_t n) noexcept {
 #ifdef __linux__

@@ -120,7 +120,7 @@ Tightest tightest_by_direction(Points normals, Doubles offsets, Doubles errors, 
                                Span<Index> ids, Span<double> slacks, int threads, Stop& stop) {
   const Index n = offsets.size();
   const double x = point[0], y = point[1], z = point[2], size = length(point) + 1.0;
-  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
+  const int n_parts = worth_threads(n, kLeast, threads);
   std::vector<PartTightest> parts(n_parts);
   run_parts(n_parts, stop, [&](int part, Stop& own) {
     const Index begin = part_begin(n, n_parts, part);

@@ -191,7 +191,7 @@ Index facet_planes(Points vertices, Triangles corners, const double* origin, dou
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr Index kMostParts = 8;  // each marks the vertices that it has seen
+constexpr int kMostParts = 8;  // each marks the vertices that it has seen
 
 void widen(Box& box, const Box& other) {
   for (int k = 0; k < 3; ++k) {
@@ -221,7 +221,7 @@ Box range_of(Points vertices, Index first, Index last, const std::vector<std::ve
 Box range_of_used(Points vertices, std::initializer_list<Triangles> tables, int threads, Stop& stop) {
   const Index most =
       std::max(tables, [](const Triangles& a, const Triangles& b) { return a.size() < b.size(); }).size();
-  const auto n_parts = static_cast<int>(std::max<Index>(1, std::min({Index{threads}, most / kLeast, kMostParts})));
+  const int n_parts = worth_threads(most, kLeast, std::min(threads, kMostParts));
   std::vector<std::vector<char>> used(n_parts);
   run_parts(n_parts, stop, [&](int part, Stop& own) {
     used[part].assign(vertices.size(), 0);

@@ -116,7 +116,7 @@ UnfilledVector<Index> planes_reaching(Points normals, Doubles offsets, Doubles e
   for (Index i = 0; i < corners.size(); ++i) extent = std::max(extent, dot(corners[i], corners[i]));
   const double size = std::sqrt(dot(center, center)) + 2.0 * std::sqrt(extent) + 1.0;
   const Index n = normals.size();
-  const int n_parts = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, n / kLeast)));
+  const int n_parts = worth_threads(n, kLeast, threads);
   // Room for all, of which only what is used takes memory: those of a stretch stand where it begins.
   UnfilledVector<Index> rows(n);
   constexpr Index stretch = 1 << 12;

@@ -19,7 +19,7 @@ class SharedBuckets {
   // what `make()` returns. It is run twice on each stretch of items: entries are counted, then stored.
   template <typename Each>
   SharedBuckets(Index n_vertices, Index n_items, Index least, int threads, Stop& stop, Each&& each)
-      : n_parts_(static_cast<int>(std::max<Index>(1, std::min({Index{threads}, n_items / least, kMostParts})))),
+      : n_parts_(worth_threads(n_items, least, std::min(threads, kMostParts))),
         ends_(counted(n_vertices, n_items, stop, each)),
         entries_(static_cast<std::size_t>(size_)) {
     run_parts(n_parts_, stop, [&](int part, Stop& own) {
@@ -54,7 +54,7 @@ class SharedBuckets {
   }
 
  private:
-  static constexpr Index kMostParts = 8;  // each counts the entries of every vertex
+  static constexpr int kMostParts = 8;  // each counts the entries of every vertex
 
   // Where the entries of each vertex begin that are those of a part.
   template <typename Each>

@@ -9,16 +9,9 @@
 
 namespace voxkernel {
 
-template <typename T>
-struct Unfilled : std::allocator<T> {
-  template <typename U>
-  struct rebind {
-    using other = Unfilled<U>;
-  };
-  Unfilled() = default;
-  template <typename U>
-  Unfilled(const Unfilled<U>& /*other*/) noexcept {}
-
+// Of an allocator: elements that are not given are not filled. Who writes them first, on whatever thread, touches their
+// pages.
+struct Unconstructed {
   template <typename U>
   void construct(U* place) noexcept {
     ::new (static_cast<void*>(place)) U;
@@ -27,6 +20,17 @@ struct Unfilled : std::allocator<T> {
   void construct(U* place, Given&&... given) {
     ::new (static_cast<void*>(place)) U(std::forward<Given>(given)...);
   }
+};
+
+template <typename T>
+struct Unfilled : std::allocator<T>, Unconstructed {
+  template <typename U>
+  struct rebind {
+    using other = Unfilled<U>;
+  };
+  Unfilled() = default;
+  template <typename U>
+  Unfilled(const Unfilled<U>& /*other*/) noexcept {}
 };
 
 template <typename T>

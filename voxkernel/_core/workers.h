@@ -90,6 +90,11 @@ void run_parts(int n, Stop& stop, Work&& work) {
   if (shared.error) std::rethrow_exception(shared.error);
 }
 
+// Threads for `size` things, so that each has `least` of them or more; at most `threads`, and one at least.
+inline int worth_threads(Index size, Index least, int threads) {
+  return static_cast<int>(std::max<Index>(1, std::min<Index>(threads, size / least)));
+}
+
 // Where part k of n begins when 0 .. size is cut into stretches as long as each other.
 inline Index part_begin(Index size, int n, int k) { return size / n * k + std::min<Index>(size % n, k); }
 
@@ -110,8 +115,8 @@ void run_in_turn(Index size, int n, Stop& stop, Work&& work) {
 // The same on at most `threads` threads, fewer where each would have less than `least`; without `part`.
 template <typename Work>
 void run_stretches(Index size, Index least, int threads, Stop& stop, Work&& work) {
-  const int n = static_cast<int>(std::max<Index>(1, std::min<Index>(threads, size / least)));
-  run_in_turn(size, n, stop, [&](Index first, Index last, int, Stop& own) { work(first, last, own); });
+  run_in_turn(size, worth_threads(size, least, threads), stop,
+              [&](Index first, Index last, int, Stop& own) { work(first, last, own); });
 }
 
 }  // namespace voxkernel
