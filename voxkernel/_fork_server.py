@@ -12,8 +12,9 @@ from functools import cache
 
 from voxkernel._scratch_folder import scratch_folder
 
-__all__ = ["ENVIRONMENT", "OWN_WORKER", "interrupt_blocked", "start_method"]
+__all__ = ["ENVIRONMENT", "FEW", "OWN_WORKER", "interrupt_blocked", "start_method"]
 
+FEW = 200  # files, of which pictures are drawn unasked
 OWN_WORKER = "VOXKERNEL_WORKER"  # in the environment of worker processes that `evaluate` has started
 # One thread of each library in each process, and a mark.
 ENVIRONMENT: dict[str, str] = dict.fromkeys(

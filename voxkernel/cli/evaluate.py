@@ -26,8 +26,6 @@ EXAMPLES = (
     "voxkernel evaluate scans/ -o run/ --retry-failed --timeout 3600",
 )
 
-_FEW = 200  # files, of which pictures are drawn without being asked for
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -119,9 +117,9 @@ def _start_early(args: argparse.Namespace) -> None:
         return
     if any(find_spec(package) is None for package in ("dask", "distributed", "pyarrow", "fsspec")):
         return
-    from voxkernel._fork_server import start_method
+    from voxkernel._fork_server import FEW, start_method
 
-    few = sum(1 for path in args.paths for _ in islice(_files(path), _FEW + 1)) <= _FEW
+    few = sum(1 for path in args.paths for _ in islice(_files(path), FEW + 1)) <= FEW
     start_method(for_analysis=True, for_pictures=few if args.thumbnails is None else args.thumbnails)
 
 

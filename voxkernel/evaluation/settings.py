@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from voxkernel._checks import as_choice, as_depth, as_each, as_positive, as_share
 from voxkernel._extras import optional
+from voxkernel._fork_server import FEW
 from voxkernel._notebook import InNotebooks
 from voxkernel._plain import json_text
 from voxkernel.labels.label_stars import as_ray_counts
@@ -18,7 +19,6 @@ __all__ = [
     "FEW", "PROFILE_TOLERANCES", "EvaluateSettings", "for_files", "settings_hash", "settings_text", "versions_text",
 ]  # fmt: skip
 
-FEW = 200  # files, of which pictures are drawn unasked
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
 _FORMAT = 2  # counts up when the same settings give other rows
 _RESULTS = (

@@ -34,13 +34,11 @@ def facets_turned(pair: Pair, found: Solution, method: Refine) -> Solution | Non
 
 
 def _side(surface: PreparedSurface) -> float:
-    """What has the sign of the volume that a closed surface encloses; 0 of an open one."""
-    return 0.0 if surface.skin.rim.vertices.any() else _volume(surface)
-
-
-def _volume(surface: PreparedSurface) -> float:
+    """Give the sign of the volume that a closed surface encloses; 0 of an open one."""
+    if surface.skin.rim.vertices.any():
+        return 0.0
     a, b, c = surface.skin.vertices[surface.skin.faces].transpose(1, 0, 2)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return float(np.sign(np.einsum("ij,ij->", a, np.cross(b, c))))
 
 
 def resized(surface: PreparedSurface, factor: float) -> PreparedSurface:
