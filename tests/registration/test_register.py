@@ -328,3 +328,22 @@ def test_scans_of_real_faces(data_dir):
         angle = Rotation.from_matrix(found.T_target_source[:3, :3] @ expected[:3, :3].T).magnitude()
         assert np.degrees(angle) < 0.5
         assert not found.ambiguous
+
+
+@pytest.mark.parametrize("size", [1e-50, 1.0, 1e50])
+def test_the_frame_of_a_surface_turns_with_it(size):
+    """Its axes belong to the surface, in any unit and far from the origin; lengths along them are those of before."""
+    vertices, faces = boulder()
+    away = pose(7, 100.0)
+    there = moved(away, vertices) * size
+    one, two = (prepare_surface((v, faces)) for v in (vertices, there))
+    assert np.allclose(two.vertices, one.vertices * size, atol=1e-11 * size)
+    assert two.area == pytest.approx(one.area * size**2)
+    used = there[np.unique(faces)]
+    assert np.allclose(moved(two.T_world_local, two.vertices), used, atol=1e-12 * size)
+
+
+def test_extents_beyond_floating_point_are_refused(small_face):
+    vertices, faces = small_face
+    with pytest.raises(MeshError, match="rescale first"):
+        register((vertices * 1e70, faces), (vertices, faces))

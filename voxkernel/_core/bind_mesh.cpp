@@ -1,9 +1,11 @@
 #include <cstdint>
+#include <vector>
 
 #include "bind.h"
 #include "boundary_loops.h"
 #include "duplicate_facets.h"
 #include "surface_edges.h"
+#include "triangle_sums.h"
 
 namespace voxkernel {
 
@@ -49,6 +51,29 @@ void bind_mesh(nb::module_& m) {
       },
       array("faces"), array("facet_ids"), nb::arg("n_vertices"), nb::arg("is_wide") = false,
       "Count the facets that have the corners of an earlier one.");
+  m.def(
+      "triangle_areas",
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> triangles, int exponent) {
+        std::vector<double> areas(triangles.shape(0));
+        without_lock(
+            [&](Stop& stop) { triangle_areas(rows(vertices), rows(triangles), exponent, Span<double>(areas), stop); });
+        return to_array(std::move(areas));
+      },
+      array("vertices"), array("triangles"), nb::arg("exponent"), "Areas in units of 4**exponent.");
+  m.def(
+      "middle_moments",
+      [](Array2<const double, 3> vertices, Array2<const Index, 3> triangles, Array<const double, 3> base, double unit) {
+        const MiddleMoments sums = without_lock([&](Stop& stop) {
+          return middle_moments(rows(vertices), rows(triangles), {base(0), base(1), base(2)}, unit, stop);
+        });
+        const auto array = [](const auto& values) {
+          return to_array(std::vector<double>(values.begin(), values.end()));
+        };
+        return nb::make_tuple(sums.area, array(sums.first), array(sums.second), array(sums.third));
+      },
+      array("vertices"), array("triangles"), array("base"), nb::arg("unit"),
+      "Area, and first, second and third moments about `base` of triangles taken as points in their middles, in a unit "
+      "that is a power of two; each product of coordinates once, in lexical order.");
 }
 
 }  // namespace voxkernel

@@ -13,8 +13,18 @@ from voxkernel._core import least_spread, plane_frame
 from voxkernel.errors import MeshError
 from voxkernel.halfspaces.integer_planes import bits_of, round_plane, triangle_plane
 from voxkernel.halfspaces.rational_program import rank_of
+from voxkernel.mesh import TriangleMesh
 
-__all__ = ["LARGEST", "THINNEST", "LocalFrame", "check_frame", "power_of_two", "settle_planes", "span_space"]
+__all__ = [
+    "LARGEST",
+    "THINNEST",
+    "LocalFrame",
+    "check_extent",
+    "check_frame",
+    "power_of_two",
+    "settle_planes",
+    "span_space",
+]
 
 LARGEST = 2.0**200
 THINNEST = 2.0**-300
@@ -51,6 +61,12 @@ def check_frame(spans: tuple[float, float, float], largest: float, thinnest: flo
             "`vertices` must span, along each axis, nothing or at least 2**-300 of their largest span; got spans "
             f"of {thin[0]:.3g} and {widest:.3g} (rescale first)"
         )
+
+
+def check_extent(mesh: TriangleMesh) -> None:
+    """Refuse a surface whose extent is beyond floating point, as its half-spaces would."""
+    _, _, spans, largest, _ = plane_frame(mesh.vertices, mesh.faces)
+    check_frame(spans, largest, THINNEST)
 
 
 def settle_planes(

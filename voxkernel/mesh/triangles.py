@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel import _core
+
 __all__ = [
     "bounds_of",
     "corner_areas",
@@ -50,7 +52,7 @@ def without_strays(
 
 def bounds_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2, 3) lowest and highest coordinates."""
-    return np.stack([points.min(axis=0), points.max(axis=0)])
+    return np.array([[x.min() for x in points.T], [x.max() for x in points.T]])  # by columns, which is quicker
 
 
 def unscaled(values: Any, exponent: int) -> Any:
@@ -111,10 +113,5 @@ def corner_areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 def scaled_triangle_areas(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], exponent: int
 ) -> NDArray[np.float64]:
-    """(m,) areas in units of ``4**exponent``, by columns, which is quicker than rows."""
-    columns = [np.ldexp(column, -exponent) for column in vertices.T]
-    a, b, c = (np.ascontiguousarray(column) for column in triangles.T)
-    u = [column[b] - column[a] for column in columns]
-    v = [column[c] - column[a] for column in columns]
-    x, y, z = _crossed(u, v)
-    return 0.5 * np.sqrt(x * x + y * y + z * z)
+    """(m,) areas in units of ``4**exponent``."""
+    return _core.triangle_areas(np.ascontiguousarray(vertices), np.ascontiguousarray(triangles), exponent)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel.mesh.triangles import bounds_of
+
 __all__ = ["MOST_FACETS", "clustered", "smoothed", "thinned"]
 
 MOST_FACETS = 20_000
@@ -36,7 +38,7 @@ def clustered(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], cell: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Put the mean of the vertices in each cell of a grid in their place; triangles that fall together are one."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = bounds_of(vertices)
     cell = max(cell, _FINEST * float((high - low).max()))
     columns = [np.floor((x - a) / cell + 0.5).astype(np.int64) for x, a in zip(vertices.T, low, strict=True)]
     sizes = [int(c.max()) + 1 for c in columns]
