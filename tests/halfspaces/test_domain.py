@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from voxkernel.exact import exact_kernel
 from voxkernel.halfspaces import Domain, HalfSpaces, ball_domain, box_domain, hull_domain, planes_domain
+from voxkernel.halfspaces.area_moments import mesh_moments
 from voxkernel.halfspaces.domain import as_domain, surface_frame
 from voxkernel.mesh import as_mesh
 
@@ -69,6 +70,32 @@ def test_frame_ignores_how_facets_are_split():
     one, two = (surface_frame(as_mesh(s)) for s in (surface, shapes.with_split_facet(*surface, 3)))
     assert one[0] == pytest.approx(two[0])
     assert np.abs(one[1]) == pytest.approx(np.abs(two[1]), abs=1e-12)
+
+
+def test_moments_of_a_box_and_of_its_parts():
+    """Closed forms: a box of edges a, b, c about its middle, whose facets may be cut in four again and again."""
+    edges = np.array([1.0, 5.0, 2.0])
+    vertices, faces = shapes.box((3, -4, 7), tuple(np.array([3, -4, 7]) + edges))
+    pairs = np.array([2 * edges[(k + 1) % 3] * edges[(k + 2) % 3] for k in range(3)])  # of sides across each axis
+    second = [pairs[k] * edges[k] ** 2 / 4 + (pairs.sum() - pairs[k]) * edges[k] ** 2 / 12 for k in range(3)]
+    for _ in range(6):
+        moments = mesh_moments(as_mesh((vertices, faces)))
+        about = moments.spread - np.outer(moments.mean, moments.mean)
+        assert moments.area == pytest.approx(pairs.sum(), rel=1e-12)
+        assert moments.centroid == pytest.approx([3.5, -1.5, 8], abs=1e-12)
+        assert about * moments.unit**2 == pytest.approx(np.diag(second) / pairs.sum(), abs=1e-12)
+        vertices, faces = shapes.subdivided(vertices, faces)
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_the_sign_of_an_axis_is_that_of_the_third_moment(up):
+    """A long pyramid: most of its area lies near its base, and far from there lies its tip."""
+    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 9 * up]], float)
+    surface = shapes.fan(vertices, [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])
+    for _ in range(3):
+        surface = shapes.subdivided(*surface)
+    moments = mesh_moments(as_mesh(surface))
+    assert moments.axes(moments.spread)[0] @ (vertices[4] - moments.centroid) > 5
 
 
 def test_box_and_hull_of_a_prism():

@@ -61,19 +61,21 @@ void bind_mesh(nb::module_& m) {
       },
       array("vertices"), array("triangles"), nb::arg("exponent"), "Areas in units of 4**exponent.");
   m.def(
-      "middle_moments",
+      "triangle_moments",
       [](Array2<const double, 3> vertices, Array2<const Index, 3> triangles, Array<const double, 3> base, double unit) {
-        const MiddleMoments sums = without_lock([&](Stop& stop) {
-          return middle_moments(rows(vertices), rows(triangles), {base(0), base(1), base(2)}, unit, stop);
+        const TriangleMoments sums = without_lock([&](Stop& stop) {
+          return triangle_moments(rows(vertices), rows(triangles), {base(0), base(1), base(2)}, unit, stop);
         });
         const auto array = [](const auto& values) {
           return to_array(std::vector<double>(values.begin(), values.end()));
         };
-        return nb::make_tuple(sums.area, array(sums.first), array(sums.second), array(sums.third));
+        return nb::make_tuple(sums.area, array(sums.first), array(sums.second), array(sums.third), array(sums.corners));
       },
       array("vertices"), array("triangles"), array("base"), nb::arg("unit"),
-      "Area, and first, second and third moments about `base` of triangles taken as points in their middles, in a unit "
-      "that is a power of two; each product of coordinates once, in lexical order.");
+      "Area; first, second and third moments about `base` of triangles taken as points in their middles, and second "
+      "ones "
+      "of their corners, each with the area of its triangle. In a unit that is a power of two; each product of "
+      "coordinates once, in lexical order.");
 }
 
 }  // namespace voxkernel

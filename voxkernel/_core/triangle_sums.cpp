@@ -48,11 +48,23 @@ void add(std::array<double, N>& sum, const std::array<double, N>& part) {
   for (std::size_t k = 0; k < N; ++k) sum[k] += part[k];
 }
 
-void count(MiddleMoments& sums, double area, double x, double y, double z) {
-  const double wx = area * x, wy = area * y, wz = area * z;
-  const double xx = wx * x, xy = wx * y, xz = wx * z, yy = wy * y, yz = wy * z, zz = wz * z;
+void add(TriangleMoments& sum, const TriangleMoments& part) {
+  sum.area += part.area;
+  add(sum.first, part.first);
+  add(sum.second, part.second);
+  add(sum.third, part.third);
+  add(sum.corners, part.corners);
+}
+
+std::array<double, 6> squares(double weight, double x, double y, double z) {
+  const double wx = weight * x, wy = weight * y;
+  return {wx * x, wx * y, wx * z, wy * y, wy * z, weight * z * z};
+}
+
+void count(TriangleMoments& sums, double area, double x, double y, double z) {
+  const auto [xx, xy, xz, yy, yz, zz] = squares(area, x, y, z);
   sums.area += area;
-  add(sums.first, {wx, wy, wz});
+  add(sums.first, {area * x, area * y, area * z});
   add(sums.second, {xx, xy, xz, yy, yz, zz});
   add(sums.third, {xx * x, xx * y, xx * z, xy * y, xy * z, xz * z, yy * y, yy * z, yz * z, zz * z});
 }
@@ -72,25 +84,24 @@ void triangle_areas(Points vertices, Triangles triangles, int exponent, Span<dou
   }
 }
 
-MiddleMoments middle_moments(Points vertices, Triangles triangles, const std::array<double, 3>& base, double unit,
-                             Stop& stop) {
+TriangleMoments triangle_moments(Points vertices, Triangles triangles, const std::array<double, 3>& base, double unit,
+                                 Stop& stop) {
   Corners corners;
   std::array<double, kStretch> areas;
-  MiddleMoments total, block;
+  TriangleMoments total, block;
   for (Index first = 0; first < triangles.size(); first += kStretch) {
     const Index n = std::min(kStretch, triangles.size() - first);
     stop.poll(n);
     corners.fetch(vertices, triangles, first, n);
     corners.move(base, 1.0 / unit, 1.0, n);
     corners.areas(areas.data(), n);
+    const auto& c = corners.columns;
     for (Index i = 0; i < n; ++i) {
       count(block, areas[i], corners.middle(0, i), corners.middle(1, i), corners.middle(2, i));
+      for (int k = 0; k < 9; k += 3) add(block.corners, squares(areas[i], c[k][i], c[k + 1][i], c[k + 2][i]));
     }
     if ((first + n) % kBlock != 0 && first + n < triangles.size()) continue;
-    total.area += block.area;
-    add(total.first, block.first);
-    add(total.second, block.second);
-    add(total.third, block.third);
+    add(total, block);
     block = {};
   }
   return total;

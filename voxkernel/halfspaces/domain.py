@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxkernel._checks import read_only
 from voxkernel._frozen import Frozen
-from voxkernel.halfspaces.area_moments import BLOCK, area_frame
+from voxkernel.halfspaces.area_moments import mesh_moments
 from voxkernel.halfspaces.half_spaces import HalfSpaces
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.edges import half_edges
@@ -247,8 +247,8 @@ def surface_frame(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
         of the first two follow the third moments, so the frame turns with the surface unless the
         surface is symmetric.
     """
-    vertices, faces = mesh.vertices, mesh.faces
-    return area_frame(lambda: (vertices[faces[i : i + BLOCK]] for i in range(0, len(faces), BLOCK)))
+    moments = mesh_moments(mesh)
+    return moments.centroid, moments.axes(moments.spread)
 
 
 @lru_cache(maxsize=1)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from voxkernel._core import coordinate_range, facet_planes
 from voxkernel._notebook import InNotebooks
 from voxkernel.errors import MeshError
-from voxkernel.halfspaces.area_moments import BLOCK, area_frame
+from voxkernel.halfspaces.area_moments import BLOCK, moments_of_blocks
 from voxkernel.halfspaces.domain import (
     BALL_FACTOR,
     Domain,
@@ -246,14 +246,17 @@ class SurfaceReader:
                 yield triangle_plane(points, row, self.facts().frame.bits)[:3]
 
     def ball(self) -> Domain:
-        """The default domain of open surfaces, by four passes; kept."""
+        """The default domain of open surfaces, by two passes; kept."""
         if "ball" not in self._kept:
-            centroid, frame = area_frame(lambda: self.blocks("domain"))
+            facts = self.facts()
+            blocks = ((c.reshape(-1, 3), np.arange(3 * len(c)).reshape(-1, 3)) for c in self.blocks("domain"))
+            moments = moments_of_blocks(blocks, facts.low, facts.high)
+            centroid = moments.centroid
             reach = 0.0
             for _, chunk in self.chunks("domain"):
                 square = ((chunk.corners.reshape(-1, 3) - centroid) ** 2).sum(axis=1).max()
                 reach = max(reach, float(np.sqrt(square)))
-            self._kept["ball"] = framed_ball(centroid, frame, BALL_FACTOR * reach)
+            self._kept["ball"] = framed_ball(centroid, moments.axes(moments.spread), BALL_FACTOR * reach)
         found = self._kept["ball"]
         assert isinstance(found, Domain)
         return found

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import middle_moments
 from voxkernel._frozen import Frozen
+from voxkernel.halfspaces.area_moments import moments_of_blocks
 from voxkernel.halfspaces.local_frame import check_extent
 from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
 from voxkernel.measures import KernelMoments, kernel_moments
 from voxkernel.mesh import TriangleMesh
 from voxkernel.mesh.surface_samples import spread_samples
-from voxkernel.mesh.triangles import bounds_of, doubled_normals, scale_exponent, without_strays
+from voxkernel.mesh.triangles import bounds_of, doubled_normals, without_strays
 from voxkernel.registration.thin import clustered, smoothed, thinned
 from voxkernel.relaxed import best_center
 from voxkernel.voxels import KernelGrid, voxel_kernels
@@ -30,10 +30,6 @@ _MOST_SAMPLES = 20_000
 _FACETS_PER_STEP = 1500
 _MOST_STEPS = 10
 _SCRAMBLE = 2654435761, 2246822519  # odd, about the size of 2^32
-_PLACE_OF_TWO = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # where products of coordinates stand, in lexical order
-_PLACE_OF_THREE = np.array(
-    [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]]
-)
 _CELL = 1 / 30  # of the diagonal: edge of the cells whose vertices become one before the kernel
 
 
@@ -91,7 +87,9 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     """Sample a surface, smooth and thin a copy of it, and compute the relaxed kernels of that copy."""
     check_extent(mesh)
     corners, faces = _connected(mesh)
-    centroid, axes, area = _frame(corners, faces)
+    moments = moments_of_blocks([(corners, faces)], *bounds_of(corners))
+    # Facets as points in their middles, which unlike `surface_frame` need not know triangles inside out.
+    centroid, axes, area = moments.centroid, moments.axes(moments.second), moments.area
     vertices = _turned(corners - centroid, axes)
     low, high = bounds_of(vertices)
     diagonal = float(np.linalg.norm(high - low))
@@ -108,29 +106,6 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
         tuple(kernel_moments(k) for k in kernels),
         samples_of(*few, _COARSE_SAMPLES), _fine_samples(vertices, faces),
     )  # fmt: skip
-
-
-def _frame(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Centroid and principal axes as rows, longest first, of facets taken as points in their middles; the area.
-
-    Signs follow the third moments. A frame to work in: unlike `surface_frame` it need not know triangles inside out.
-    """
-    low, high = bounds_of(vertices)
-    base, unit = low + 0.5 * (high - low), 2.0 ** scale_exponent(high - low)
-    area, first, second, third = middle_moments(vertices, faces, base, unit)
-    mean = first / area
-    about_base = second[_PLACE_OF_TWO] / area
-    axes = np.linalg.eigh(about_base - np.outer(mean, mean))[1][:, ::-1].T.copy()
-    cubes = third[_PLACE_OF_THREE] / area
-    for row in range(2):
-        axis = axes[row]
-        along = mean @ axis
-        if cubes @ axis @ axis @ axis - 3.0 * along * (about_base @ axis @ axis) + 2.0 * along**3 < 0:
-            axes[row] *= -1
-    axes[2] = np.cross(axes[0], axes[1])
-    return base + mean * unit, axes, area * unit**2
 
 
 def _turned(points: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
