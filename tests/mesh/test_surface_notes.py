@@ -36,6 +36,11 @@ def test_cubes_that_cross():
     assert bodies == "2 bodies: the kernel is that of all of them together"
 
 
+def test_large_surfaces_are_not_looked_at_for_crossings():
+    mesh = as_mesh(shapes.icosphere(7))
+    assert surface_notes(mesh) == ("not looked at whether it runs through itself: 327,680 triangles are too many",)
+
+
 def test_without_pymeshlab_they_are_not_counted(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pymeshlab", None)
     mesh = as_mesh(together(cube(), cube(shift=0.4)))

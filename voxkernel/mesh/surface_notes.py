@@ -12,6 +12,7 @@ from voxkernel.mesh.triangle_mesh import TriangleMesh
 
 __all__ = ["count_self_intersections", "surface_notes"]
 
+_MOST_TRIANGLES = 250_000  # that are looked at for others they run through: some 2 s, which nothing can end early
 _MOST_BODIES = 64  # of which every pair is looked at
 _TURN = 4.0 * np.pi
 
@@ -50,12 +51,16 @@ def surface_notes(mesh: TriangleMesh) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        One line each: triangles that run through others (counted by PyMeshLab, left out without it), several bodies,
-        bodies inside others whose volume counts twice, facets that point inwards or disagree.
+        One line each: triangles that run through others (counted by PyMeshLab; left out without it, not looked for
+        in surfaces of more than 250,000 triangles), several bodies, bodies inside others whose volume counts twice,
+        facets that point inwards or disagree.
     """
     facts = mesh.facts()
     notes: list[str] = []
-    crossing = count_self_intersections(mesh)
+    is_large = len(mesh.faces) > _MOST_TRIANGLES
+    crossing = None if is_large else count_self_intersections(mesh)
+    if is_large:
+        notes.append(f"not looked at whether it runs through itself: {len(mesh.faces):,} triangles are too many")
     if crossing:
         twice = ": where it overlaps, its volume counts twice" if facts.is_closed else ""
         notes.append(f"the surface runs through itself: {crossing} of {len(mesh.faces)} triangles cross others{twice}")
