@@ -18,17 +18,19 @@ def thinned(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Join the vertices in each cell of a grid whose edge follows from the area, until few enough facets are left.
 
-    A surface that is small enough is given back as it is; so is one that would lose nearly everything.
+    Noise makes the area of small facets many times too large, and the cells: where fewer than half are left, they
+    become smaller. A surface that is small enough is given back as it is; so is one that would lose nearly everything.
     """
     if len(faces) <= most:
         return vertices, faces
     cell = float(np.sqrt(2.0 * area / most))
-    thin, triangles = vertices, faces
+    thin, triangles = clustered(vertices, faces, cell)
     for _ in range(4):
-        thin, triangles = clustered(vertices, faces, cell)
-        if len(triangles) <= most:
+        few = len(triangles) / most
+        if 0.5 <= few <= 1.0:
             break
-        cell *= 1.1 * float(np.sqrt(len(triangles) / most))
+        cell *= (1.1 if few > 1.0 else 1.2) * float(np.sqrt(max(few, 1e-3)))
+        thin, triangles = clustered(vertices, faces, cell)
     if len(triangles) < 0.05 * most:
         return vertices, faces
     return thin, triangles
