@@ -1,6 +1,5 @@
 """Copies of few facets: as many as may be, whatever noise makes of the area."""
 
-import numpy as np
 import pytest
 import shapes
 

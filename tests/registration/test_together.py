@@ -69,6 +69,43 @@ def test_strips_are_laid_together_and_a_stranger_stays_apart(together):
     assert "'tree'" in repr(used[0])
 
 
+def nearly_symmetric():
+    """Five views of a body that lies nearly on itself after half a turn about each axis; noise of 0.07 % of its size."""
+    rng = np.random.default_rng(3)
+    vertices, faces = shapes.icosphere(4)
+    radius = np.ones(len(vertices))
+    for _ in range(6):
+        way = rng.normal(size=3)
+        radius += rng.uniform(-0.25, 0.25) * np.exp(rng.uniform(6, 14) * (vertices @ (way / np.linalg.norm(way)) - 1))
+    vertices = vertices * radius[:, None] * [0.62, 1.5, 0.66]
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    views, truths = [], []
+    for k in range(5):
+        angle = 2 * np.pi * k / 5
+        used, part = np.unique(faces[normals @ [np.cos(angle), 0, np.sin(angle)] > 0.15], return_inverse=True)
+        away = pose(30 + k, 5.0)
+        noise = 0.002 * np.random.default_rng(k).normal(size=(len(used), 3))
+        views.append((moved(away, vertices[used] + noise), part.reshape(-1, 3)))
+        truths.append(inverse(away))
+    return views, truths
+
+
+def test_what_lies_nearly_as_well_another_way_is_not_believed():
+    """Wrong motions lay smooth parts on each other within a hundredth: pairs are judged as `register` judges them."""
+    views, truths = nearly_symmetric()
+    found = register_together(views)
+    assert found.apart == ()
+    for k in range(1, 5):
+        assert rotation_angle_deg(inverse(found.poses[0]) @ found.poses[k], inverse(truths[0]) @ truths[k]) < 1.0
+    right = [p for p in found.pairs if p.verdict == "right"]
+    assert len(right) >= 4
+    for pair in right:
+        true = inverse(truths[pair.target]) @ truths[pair.source]
+        assert rotation_angle_deg(pair.T_target_source, true) < 3.0
+
+
 def test_merged_and_json(together):
     scans, _, found = together
     merged = found.merged(scans)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from itertools import islice
 from typing import NamedTuple
@@ -91,13 +91,23 @@ class Contest:
         one, two = (ScoredCloud(p.coarse, self.scale) for p in self.pair)
         return one, two
 
-    def run(self, clear: Callable[[], bool], sources: int) -> None:
-        """Try source after source of candidates, at most so many, until the best answer fits clearly."""
+    def run(self, clear: Callable[[], bool], sources: int, first: Sequence[Guess] = ()) -> None:
+        """Try the first guesses and source after source, at most so many, until the best answer fits clearly.
+
+        One source follows the first guesses whatever they are: without rivals too much would be believed.
+        """
+        if first:
+            self.guesses += first
+            self.enter([(self._start(guess), guess) for guess in first])
         for guesses in islice(self._sources(), sources):
             self._judge(guesses)
-            best = self.settle()
-            if best is not None and best.rank >= _NO_FIT and clear():
+            self.settle()
+            if self._fits() and clear():
                 break
+
+    def _fits(self) -> bool:
+        best = self.best
+        return best is not None and best.rank >= _NO_FIT
 
     def settle(self) -> End | None:
         """Refine the best end, and those that come close to it, on all samples; give the best after that."""

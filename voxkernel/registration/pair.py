@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,13 +56,16 @@ class Solution(Frozen):
 
 def solve(
     pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine,
-    *, sources: int = ALL_SOURCES,
+    *, sources: int = ALL_SOURCES, first: Sequence[Guess] = (),
 ) -> Solution:  # fmt: skip
-    """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped."""
+    """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped.
+
+    `first` are motions that go before all sources of candidates.
+    """
     contest = Contest(*pair)
     searched = contest if pair is shown else Contest(*shown)
     judge = Judge(searched)
-    searched.run(judge.clear, sources)
+    searched.run(judge.clear, sources, first)
     guesses = tuple(_in_world(shown, g) for g in sorted(searched.guesses, key=lambda g: -g.moved_score))
     if searched is not contest:
         contest.enter([_between(searched, contest, end) for end in searched.ends])

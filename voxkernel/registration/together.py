@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from voxkernel._checks import as_depth, read_only
 from voxkernel.registration.jobs import Run, runner
 from voxkernel.registration.joint_refinement import Refinement, refined_together
 from voxkernel.registration.joint_result import JointRegistration, JudgedPair, Use
-from voxkernel.registration.pair_evidence import SURE, Trial, tried
+from voxkernel.registration.pair_evidence import Trial, tried
 from voxkernel.registration.pose_tree import Edge, PoseTree, Scans, pose_tree
 from voxkernel.registration.prepare import PreparedSurface
 from voxkernel.registration.register import as_margins
@@ -70,8 +71,9 @@ def register_together(
     Notes
     -----
     Pairs are ordered by how many matches of local descriptors agree, and by how like their kernels are. A pair is
-    first laid together by those matches; scans that this leaves outside the largest group, by `register`. The log-odds
-    that a motion is right come from how much of what lies near also lies tightly. The heaviest edges make a tree, loops
+    first laid together by those matches; scans that this leaves outside the largest group, by all that `register`
+    tries. Both are judged as by `register`, and the log-odds that a motion is right are its weight, none for one of
+    several that fit as well. The heaviest edges make a tree, loops
     are closed, edges that contradict are exchanged or dropped, and parts whose joint is not believed stay apart. All
     scans of the largest group that overlap then pull at each other at once (point-to-plane, Tukey's weights); a step
     that would make the residual larger is not taken, so that the end is never worse than the tree. The order of the
@@ -113,15 +115,15 @@ def register_together(
         for (i, j), like in likes.items():
             table[i, j] = table[j, i] = like.value
         chosen = list(combinations(range(len(scans)), 2)) if pairs == "all" else shortlist(table, near)
-        trials = _tried(run, counter, scans, likes, size, chosen, {}, None)
+        trials = _tried(run, counter, scans, likes, size, chosen, fully=False)
         tree = pose_tree(Scans(middles, size), _edges(trials))
         # A second look at the scans outside the largest group: pairs left out, and kernels where matches do not do.
         left = [p for p in ranked_pairs(table) if p not in trials]
-        trials |= _tried(run, counter, scans, likes, size, _outside(left, tree, near), {}, None)
+        trials |= _tried(run, counter, scans, likes, size, _outside(left, tree, near), fully=False)
         tree = pose_tree(Scans(middles, size), _edges(trials))
-        unsure = [p for p in ranked_pairs(table) if p in trials and trials[p].evidence < SURE]
+        unsure = [p for p in ranked_pairs(table) if p in trials and trials[p].verdict != "right"]
         again = _outside(unsure, tree, near if pairs == "shortlist" else len(scans))
-        trials |= _tried(run, counter, scans, likes, size, again, trials, kernels)
+        trials |= _tried(run, counter, scans, likes, size, again, fully=True)
         tree = pose_tree(Scans(middles, size), _edges(trials))
     return _result(ready, usable, scans, size, likes, trials, tree)
 
@@ -151,9 +153,10 @@ def _likenesses(run: Run, counter: _Counter, scans: list[PreparedSurface], size:
 
 def _tried(
     run: Run, counter: _Counter, scans: list[PreparedSurface], likes: dict[_Pair, Likeness], size: float,
-    wanted: list[_Pair], known: dict[_Pair, Trial], margins: tuple[float, ...] | None,
+    wanted: list[_Pair], *, fully: bool,
 ) -> dict[_Pair, Trial]:  # fmt: skip
-    jobs = [(tried, (scans[i], scans[j], likes[i, j], size, margins, known.get((i, j)))) for i, j in wanted]
+    work = partial(tried, fully=fully)
+    jobs = [(work, (scans[i], scans[j], likes[i, j], size)) for i, j in wanted]
     return dict(zip(wanted, counter.run(run, jobs), strict=True))
 
 
@@ -238,10 +241,9 @@ def _judged(
 
 
 def _use_of(key: _Pair, trial: Trial, trials: dict[_Pair, Trial], tree: PoseTree) -> tuple[Use, str]:
-    close = trial.closeness
-    said = f"of what lies near, {100 * close.tight:.0f} % lies tightly"
+    said = f"probability {trial.probability:.2f}"
     if trial.verdict == "no match":
-        return "refused", f"no match: {said}" if trial.led_by else "no match: nothing to lay on each other was found"
+        return "refused", f"no match ({said})" if trial.led_by else "no match: nothing to lay on each other was found"
     numbers = {k: e for e, k in enumerate(k for k in sorted(trials) if trials[k].verdict != "no match")}
     if numbers[key] in tree.tree:
         return "tree", ""
@@ -250,7 +252,7 @@ def _use_of(key: _Pair, trial: Trial, trials: dict[_Pair, Trial], tree: PoseTree
     if tree.roots[key[0]] == tree.roots[key[1]]:
         return "contradicts", "other pairs, which weigh more, say another motion"
     if trial.verdict == "uncertain":
-        return "refused", f"uncertain, and no other pair agrees: {said}"
+        return "refused", f"uncertain, and no other pair agrees: {trial.doubt or said}"
     return "refused", "right by itself, but other pairs contradict it"
 
 
