@@ -70,7 +70,7 @@ def test_strips_are_laid_together_and_a_stranger_stays_apart(together):
 
 
 def nearly_symmetric():
-    """Five views of a body that lies nearly on itself after half a turn about each axis; noise of 0.07 % of its size."""
+    """Five views of a body that lies nearly on itself after half a turn about any axis, with noise."""
     rng = np.random.default_rng(3)
     vertices, faces = shapes.icosphere(4)
     radius = np.ones(len(vertices))

@@ -44,7 +44,7 @@ class Trial(NamedTuple):
 
 
 def tried(one: PreparedSurface, two: PreparedSurface, like: Likeness, size: float, *, fully: bool) -> Trial:
-    """Judge the motions of matched descriptors and of the kernels, which are their rivals; `fully` all of `register`."""
+    """Judge the motions of matches beside those of kernels, their rivals; `fully` all that `register` tries."""
     pair = one, two
     local = [scaled(motion, size) for motion in like.motions]
     matched = [Guess(motion, _MATCHES, np.nan, motion) for motion in local]
