@@ -14,6 +14,7 @@ from voxkernel._core import (
     best_voxel,
     label_boxes,
     label_parts,
+    line_counts,
     ray_lengths,
     squared_depths,
     touched_voxels,
@@ -99,7 +100,7 @@ def test_views_and_the_best_voxel_beside_all_pairs(rng, is_flat):
             assert (painted[crop != 0] == seen[k]).all()
             assert not painted[crop == 0].any()
         depths = depths_of(crop, is_flat, (2.0, 1.0, 0.7))
-        voxel, n_seen, upper, deepest, n_deepest, _ = best_voxel(crop, is_flat, depths, 6000, 0)
+        voxel, n_seen, upper, deepest, n_deepest, _, _ = best_voxel(crop, is_flat, depths, 0, 6000, 0)
         assert n_seen == upper == counts.max()
         at = depths[crop != 0]
         best = max(np.flatnonzero(counts == counts.max()), key=lambda k: (at[k], -k))
@@ -107,7 +108,7 @@ def test_views_and_the_best_voxel_beside_all_pairs(rng, is_flat):
         assert deepest == np.ravel_multi_index(voxels[int(np.argmax(at))], crop.shape)
         assert n_deepest == counts[int(np.argmax(at))]
         for most_steps in (0, 3000, 30_000):
-            _, low, high, *_ = best_voxel(crop, is_flat, depths, 0, most_steps)
+            _, low, high, *_ = best_voxel(crop, is_flat, depths, 0, 0, most_steps)
             assert low <= counts.max() <= high
 
 
@@ -115,9 +116,9 @@ def test_blocks_bound_an_object_that_is_not_raced_to_the_end():
     """A long C: from one arm the other is hidden, and few steps are enough to know."""
     crop = padded(label_shapes.c_shape(30, 6))
     depths = depths_of(crop, False)
-    _, best, same, *_ = best_voxel(crop, False, depths, 10**6, 0)
+    _, best, same, *_ = best_voxel(crop, False, depths, 0, 10**6, 0)
     assert best == same
-    bounds = [best_voxel(crop, False, depths, 0, steps)[1:3] for steps in (0, 10**4, 10**5, 10**6)]
+    bounds = [best_voxel(crop, False, depths, 0, 0, steps)[1:3] for steps in (0, 10**4, 10**5, 10**6)]
     assert all(low <= best <= high for low, high in bounds)
     assert bounds[0][1] >= bounds[-1][1]
     assert bounds[-1][1] < 0.75 * crop.sum()
@@ -131,6 +132,29 @@ def test_depths_beside_scipy(rng, is_flat):
     expected = ndimage.distance_transform_edt(plane[0], sampling=plane[1]) ** 2
     found = depths_of(crop, is_flat, spacing)
     np.testing.assert_allclose(found[1] if is_flat else found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_lines_beside_numpy(rng, is_flat):
+    crop = padded(label_shapes.blobs(rng, (20, 17) if is_flat else (9, 12, 15), 0.5))
+    found = [np.full((crop.shape[a], crop.shape[b]), -1) for a, b in ((0, 1), (0, 2), (1, 2))]
+    line_counts(crop, is_flat, *found)
+    assert all((plane == crop.sum(axis)).all() for plane, axis in zip(found, (2, 1, 0), strict=True))
+
+
+def test_parts_of_many_rows():
+    """Rings in rings, joined by corners only, or not at all; a cavity that is open by a corner stays one."""
+    image = np.zeros((9, 9, 9), np.uint8)
+    for k in (0, 2, 4):
+        image[k : 9 - k, k : 9 - k, k : 9 - k] = 1
+        image[k + 1 : 8 - k, k + 1 : 8 - k, k + 1 : 8 - k] = 0
+    sizes = [n**3 - max(n - 2, 0) ** 3 for n in (9, 7, 5, 3, 1)]
+    assert label_parts(padded(image), False) == (3, sizes[0], 2, sizes[1] + sizes[3])
+    image[1, 1, 1] = 1
+    assert label_parts(padded(image), False) == (2, sizes[0] + 1 + sizes[2], 2, sizes[1] - 1 + sizes[3])
+    image[0, 0, 0] = 0
+    image[1, 1, 1] = 0
+    assert label_parts(padded(image), False) == (3, sizes[0] - 1, 2, sizes[1] + sizes[3])
 
 
 @pytest.mark.parametrize("is_flat", [False, True])
@@ -215,4 +239,4 @@ def test_a_flag_stops_a_race():
     stop.set()
     crop = padded(label_shapes.c_shape(120, 30))
     with pytest.raises(KeyboardInterrupt):
-        best_voxel(crop, False, depths_of(crop, False), 10**9, 0, stop)
+        best_voxel(crop, False, depths_of(crop, False), 0, 10**9, 0, stop)

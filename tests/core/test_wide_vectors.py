@@ -40,7 +40,7 @@ def labels():
         crop = np.pad(label_shapes.blobs(rng, shape, 0.6), 1)
         depths = np.empty(crop.shape)
         squared_depths(crop, shape[0] == 1, np.ones(3), depths)
-        found += [best_voxel(crop, shape[0] == 1, depths, always, 10**7) for always in (0, 6000)]
+        found += [best_voxel(crop, shape[0] == 1, depths, 0, always, 10**7) for always in (0, 6000)]
     return np.array(found).tobytes()
 
 

@@ -16,6 +16,8 @@ namespace {
 constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
 constexpr Index kMostBlocks = 1200;  // of the coarsest
 constexpr Index kTileSteps = 1;      // steps of single voxels that take as long as a place of a tile
+constexpr Index kAhead = 32;         // candidates of a tile that are looked at before the others
+constexpr int kStopped = 3;          // first pass that may be left out where steps are limited
 constexpr Index kShare = 4;          // tiles are bounded where this takes at most such a part of the steps
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
@@ -32,7 +34,7 @@ struct Block {
 // much is hidden from all of it.
 class Search {
  public:
-  Search(const Crop& crop, Doubles depths, Stop& stop);
+  Search(const Crop& crop, Doubles depths, Index other, Stop& stop);
   BestVoxel run(Index always, Index most_steps);
 
  private:
@@ -41,63 +43,108 @@ class Search {
     std::unique_ptr<LabelRows> rows;
   };
 
+  // A voxel that may see most.
+  struct Candidate {
+    std::int32_t voxel, ijk[3];
+  };
+  // Those in a box as large as a tile; the least that may be hidden from one of them, and the deepest of these.
   struct Tile {
-    Index hidden, rank;  // at least so much from each voxel; its deepest voxel, then that of those that may see most
+    Index hidden, voxel;
     Index low[3];
-    std::vector<Index> bounds;
+    const Candidate *first, *last;
   };
 
-  bool is_empty(Index i, Index j, Index k, Index n_i, Index n_j, Index n_k) const;
-  std::vector<Tile> tiles_of(const Index* edges) const;
-  Index n_left(const Index* edges, Tile& tile);
-  void race(LabelTiles& tiles, std::vector<Tile>& left);
+  bool is_deeper(Index a, Index b) const { return depths_[a] != depths_[b] ? depths_[a] > depths_[b] : a < b; }
+  // Whether a candidate may still see most, and whether one is more promising than another one.
+  bool is_open(const Candidate& c) const { return is_known_[c.voxel] == 0 && bounds_[c.voxel] <= enough(c.voxel); }
+  bool is_before(const Candidate& a, const Candidate& b) const {
+    const std::int32_t of_a = bounds_[a.voxel], of_b = bounds_[b.voxel];
+    return of_a != of_b ? of_a < of_b : is_deeper(a.voxel, b.voxel);
+  }
+  void race(LabelTiles& tiles);
+  void drop(std::vector<Candidate>& candidates) const;
+  std::vector<Tile> tiles_of(const Index* edges);
+  void work(LabelTiles& tiles, int pass, const Tile& tile, Index most);
+  void go_ahead(LabelTiles& tiles, int pass);
+  Index promising() const;
   void branch();
   void climb();
   void cut(const Block& block, Index edge);
   Index bound(const Block& block);
   void look_into(const Block& block);
-  bool consider(Index rank);
-  Index enough(Index rank) const { return least_ - (rank < winner_ ? 0 : 1); }
-  bool is_over() const { return best_.n_steps >= limit_; }
+  Index look_at(Index voxel, Index enough);
+  bool take(Index voxel, Index hidden);
+  bool consider(Index voxel);
+  Index enough(Index voxel) const { return least_ - (is_deeper(voxel, winner_) ? 0 : 1); }
+  bool is_over() const { return best_.n_steps - free_steps_ >= limit_; }
   template <typename Visit>
   void each_voxel(const Index* low, const Index* edges, Visit&& visit) const;
 
   const Crop& crop_;
+  Doubles depths_;
   Stop& stop_;
-  std::vector<Index> by_depth_;         // positions in the crop, deepest first
+  std::vector<Candidate> candidates_, sorted_, ahead_;
+  std::vector<Index> hidden_;           // of a tile
+  std::vector<std::int32_t> bounds_;    // of each voxel of the crop, how many are hidden from it at least
+  std::vector<Index> by_depth_;         // positions in the crop, deepest first, where blocks are bounded
   std::vector<std::int32_t> ranks_;     // of each position, -1 outside
-  std::vector<std::uint8_t> is_known_;  // of each rank, whether it was looked at
+  std::vector<std::uint8_t> is_known_;  // of each voxel of the crop, whether it was looked at
   LabelRows rows_;
   std::vector<Level> levels_;  // the widened ones, finest first
   std::priority_queue<Block> queue_;
-  Index least_ = 0, winner_ = 0;  // what is hidden from the best so far, and its rank
-  Index limit_ = 0;
+  Index least_ = 0, winner_ = 0;       // what is hidden from the best so far, and its position
+  Index limit_ = 0, free_steps_ = 0;   // how many steps may be taken, and what does not count as such
   Index row_steps_ = 0, n_looks_ = 0;  // of voxels looked at one by one
   Index open_ = INT64_MAX;             // the least that may be hidden from a voxel that was not looked at
   BestVoxel best_;
 };
 
-Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop_(stop), rows_(crop, 0) {
-  for (Index v = 0; v < crop.size(); ++v) {
-    if (crop.bytes[v] != 0) by_depth_.push_back(v);
+Search::Search(const Crop& crop, Doubles depths, Index other, Stop& stop)
+    : crop_(crop), depths_(depths), stop_(stop), rows_(crop, 0) {
+  Index v = 0;
+  winner_ = -1;
+  for (Index i = 0; i < crop.shape[0]; ++i) {
+    for (Index j = 0; j < crop.shape[1]; ++j) {
+      for (Index k = 0; k < crop.shape[2]; ++k, ++v) {
+        if (crop.bytes[v] == 0) continue;
+        candidates_.push_back(
+            {static_cast<std::int32_t>(v),
+             {static_cast<std::int32_t>(i), static_cast<std::int32_t>(j), static_cast<std::int32_t>(k)}});
+        if (winner_ < 0 || is_deeper(v, winner_)) winner_ = v;
+      }
+    }
   }
-  // Only the deepest is needed where it sees all.
-  const auto is_deeper = [&](Index a, Index b) { return depths[a] != depths[b] ? depths[a] > depths[b] : a < b; };
-  std::iter_swap(by_depth_.begin(), std::min_element(by_depth_.begin(), by_depth_.end(), is_deeper));
-  const Index n = static_cast<Index>(by_depth_.size());
-  Index ijk[3];
-  crop.position(by_depth_[0], ijk);
-  least_ = rows_.hidden(ijk, n, best_.n_steps, stop);
-  row_steps_ = best_.n_steps;
-  n_looks_ = 1;
-  best_.deepest = by_depth_[0];
+  const Index n = static_cast<Index>(candidates_.size());
+  is_known_.assign(static_cast<std::size_t>(crop.size()), 0);
+  best_.deepest = winner_;
+  least_ = look_at(winner_, n);
   best_.deepest_seen = n - least_;
-  if (least_ == 0) return;
-  std::sort(by_depth_.begin() + 1, by_depth_.end(), is_deeper);
-  ranks_.assign(static_cast<std::size_t>(crop.size()), -1);
-  is_known_.assign(static_cast<std::size_t>(n), 0);
-  is_known_[0] = 1;
-  for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  if (crop.bytes[other] == 0) return;
+  const Index before = best_.n_steps;
+  const Index h = other == best_.deepest ? least_ : look_at(other, n);
+  free_steps_ = best_.n_steps - before;
+  best_.other_seen = n - h;
+  take(other, h);
+}
+
+// The voxel is the best so far if no more than this is hidden from it.
+bool Search::take(Index voxel, Index hidden) {
+  if (hidden > enough(voxel)) return false;
+  least_ = hidden;
+  winner_ = voxel;
+  return true;
+}
+
+// How many voxels are hidden from one; some number above `enough` where there are more.
+Index Search::look_at(Index voxel, Index enough) {
+  is_known_[voxel] = 1;
+  Index ijk[3];
+  crop_.position(voxel, ijk);
+  const Index before = best_.n_steps;
+  const Index h = rows_.hidden(ijk, enough, best_.n_steps, stop_);
+  row_steps_ += best_.n_steps - before;
+  ++n_looks_;
+  return h;
 }
 
 // Calls `visit(rank, place in the box)` for the voxels of the object in a box.
@@ -115,31 +162,21 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
   }
 }
 
-// Of voxels from which equally much is hidden the deepest counts: the one of the lowest rank.
-bool Search::consider(Index rank) {
-  if (is_known_[rank] != 0) return false;
-  is_known_[rank] = 1;
-  Index ijk[3];
-  crop_.position(by_depth_[rank], ijk);
-  const Index before = best_.n_steps;
-  const Index h = rows_.hidden(ijk, enough(rank), best_.n_steps, stop_);
-  row_steps_ += best_.n_steps - before;
-  ++n_looks_;
-  if (h > enough(rank)) return false;
-  least_ = h;
-  winner_ = rank;
-  return true;
+// Of voxels from which equally much is hidden the deepest counts.
+bool Search::consider(Index voxel) {
+  if (is_known_[voxel] != 0) return false;
+  return take(voxel, look_at(voxel, enough(voxel)));
 }
 
 // From the deepest voxel by steps that become shorter: the more is seen from the best so far, the sooner blocks and
 // voxels are ruled out.
 void Search::climb() {
   Index step = 1;
-  const Index n = static_cast<Index>(by_depth_.size());
+  const Index n = static_cast<Index>(candidates_.size());
   while (64 * step * step * step < n) step *= 2;
   while (step >= 1) {
     Index ijk[3];
-    crop_.position(by_depth_[winner_], ijk);
+    crop_.position(winner_, ijk);
     bool is_better = false;
     for (Index i = -step; i <= step; i += step) {
       for (Index j = -step; j <= step; j += step) {
@@ -148,8 +185,8 @@ void Search::climb() {
           bool is_there = !is_over();
           for (int a = 0; a < 3; ++a) is_there = is_there && to[a] > 0 && to[a] < crop_.shape[a] - 1;
           if (!is_there) continue;
-          const Index rank = ranks_[crop_.flat(to[0], to[1], to[2])];
-          if (rank >= 0 && rank != winner_) is_better = consider(rank) || is_better;
+          const Index voxel = crop_.flat(to[0], to[1], to[2]);
+          if (crop_.bytes[voxel] != 0) is_better = consider(voxel) || is_better;
         }
       }
     }
@@ -157,112 +194,170 @@ void Search::climb() {
   }
 }
 
-bool Search::is_empty(Index i, Index j, Index k, Index n_i, Index n_j, Index n_k) const {
-  const Index last_i = std::min(i + n_i, crop_.shape[0]), last_j = std::min(j + n_j, crop_.shape[1]);
-  const Index n = std::min(n_k, crop_.shape[2] - k);
-  for (Index a = i; a < last_i; ++a) {
-    for (Index b = j; b < last_j; ++b) {
-      const std::uint8_t* bytes = crop_.bytes.data() + crop_.flat(a, b, k);
-      if (std::any_of(bytes, bytes + n, [](std::uint8_t byte) { return byte != 0; })) return false;
-    }
-  }
-  return true;
+// Leaves out the candidates from which too much is hidden, and those that were looked at.
+void Search::drop(std::vector<Candidate>& candidates) const {
+  const auto is_out = [&](const Candidate& c) { return !is_open(c); };
+  candidates.erase(std::remove_if(candidates.begin(), candidates.end(), is_out), candidates.end());
 }
 
-// They need not be in line: slabs, bars of each and tiles of each start where there is something of the object.
-std::vector<Search::Tile> Search::tiles_of(const Index* edges) const {
-  std::vector<Tile> found;
-  const Index n_i = crop_.shape[0], n_j = crop_.shape[1], n_k = crop_.shape[2];
-  for (Index i = 0; i < n_i;) {
-    if (is_empty(i, 0, 0, 1, n_j, n_k)) {
-      ++i;
+// Sorts candidates by a coordinate and calls `visit(first, last, lowest)` for those in each stretch of `edge`.
+template <typename Candidate, typename Visit>
+void each_stretch(Candidate* first, Candidate* last, Candidate* scratch, int axis, Index edge, Visit&& visit) {
+  Index low = INT64_MAX, high = 0;
+  for (Candidate* c = first; c != last; ++c) {
+    low = std::min<Index>(low, c->ijk[axis]);
+    high = std::max<Index>(high, c->ijk[axis]);
+  }
+  std::vector<Index> starts(static_cast<std::size_t>(high - low + 2), 0);
+  for (Candidate* c = first; c != last; ++c) ++starts[c->ijk[axis] - low + 1];
+  for (std::size_t s = 1; s < starts.size(); ++s) starts[s] += starts[s - 1];
+  std::vector<Index> at(starts);
+  for (Candidate* c = first; c != last; ++c) scratch[at[c->ijk[axis] - low]++] = *c;
+  std::copy(scratch, scratch + (last - first), first);
+  for (Index from = low; from <= high;) {
+    const Index to = std::min(from + edge, high + 1);
+    const Index a = starts[from - low], b = starts[to - low];
+    if (starts[from - low + 1] == a) {
+      ++from;
       continue;
     }
-    for (Index j = 0; j < n_j;) {
-      if (is_empty(i, j, 0, edges[0], 1, n_k)) {
-        ++j;
-        continue;
-      }
-      for (Index k = 0; k < n_k;) {
-        if (is_empty(i, j, k, edges[0], edges[1], 1)) {
-          ++k;
-          continue;
-        }
-        Tile tile{0, INT64_MAX, {i, j, k}, {}};
-        each_voxel(tile.low, edges, [&](Index rank, Index) { tile.rank = std::min(tile.rank, rank); });
-        found.push_back(std::move(tile));
-        k += edges[2];
-      }
-      j += edges[1];
-    }
-    i += edges[0];
+    visit(first + a, first + b, from);
+    from = to;
   }
-  std::sort(found.begin(), found.end(), [](const Tile& a, const Tile& b) { return a.rank < b.rank; });
+}
+
+// They need not be in line: slabs, bars of each and tiles of each start where there are candidates.
+std::vector<Search::Tile> Search::tiles_of(const Index* edges) {
+  std::vector<Tile> found;
+  sorted_.resize(candidates_.size());
+  Candidate* scratch = sorted_.data();
+  if (candidates_.empty()) return found;
+  each_stretch(candidates_.data(), candidates_.data() + candidates_.size(), scratch, 0, edges[0],
+               [&](Candidate* a, Candidate* b, Index i) {
+                 each_stretch(a, b, scratch, 1, edges[1], [&](Candidate* c, Candidate* d, Index j) {
+                   each_stretch(c, d, scratch, 2, edges[2], [&](Candidate* e, Candidate* f, Index k) {
+                     const Candidate* best =
+                         std::min_element(e, f, [&](const auto& v, const auto& w) { return is_before(v, w); });
+                     found.push_back({bounds_[best->voxel], best->voxel, {i, j, k}, e, f});
+                   });
+                 });
+               });
+  std::sort(found.begin(), found.end(), [&](const Tile& a, const Tile& b) {
+    return a.hidden != b.hidden ? a.hidden < b.hidden : is_deeper(a.voxel, b.voxel);
+  });
   return found;
 }
 
-// How many voxels of a tile are in the race; what was found of the others does not count any more.
-Index Search::n_left(const Index* edges, Tile& tile) {
-  Index n = 0;
-  each_voxel(tile.low, edges, [&](Index rank, Index at) {
-    if (is_known_[rank] != 0 || tile.bounds[at] > enough(rank)) tile.bounds[at] = INT64_MAX;
-    if (tile.bounds[at] != INT64_MAX) ++n;
-  });
-  return n;
+// A pass for the candidates of a tile from which at most so much may be hidden.
+void Search::work(LabelTiles& tiles, int pass, const Tile& tile, Index most) {
+  const Index* edges = tiles.edges();
+  const auto at = [&](const Candidate& c) {
+    return ((c.ijk[0] - tile.low[0]) * edges[1] + c.ijk[1] - tile.low[1]) * edges[2] + c.ijk[2] - tile.low[2];
+  };
+  bool is_any = false;
+  hidden_.assign(LabelTiles::kVoxels, INT64_MAX);
+  for (const Candidate* c = tile.first; c != tile.last; ++c) {
+    if (!is_open(*c) || bounds_[c->voxel] > most) continue;
+    hidden_[at(*c)] = bounds_[c->voxel];
+    is_any = true;
+  }
+  if (!is_any) return;
+  const bool is_exact = pass == LabelTiles::kBounds;
+  if (is_exact) {
+    tiles.look(tile.low, least_, hidden_, best_.n_steps, stop_);
+  } else {
+    tiles.bound(pass, tile.low, least_, hidden_, best_.n_steps, stop_);
+  }
+  for (const Candidate* c = tile.first; c != tile.last; ++c) {
+    const Index found = hidden_[at(*c)];
+    if (found == INT64_MAX) continue;
+    bounds_[c->voxel] = static_cast<std::int32_t>(found);
+    if (!is_exact) continue;
+    is_known_[c->voxel] = 1;
+    take(c->voxel, found);
+  }
 }
 
-// All tiles are bounded, the deepest first, then by more probes, those first from which the least may be hidden, then
-// looked at whole, unless it takes less to look at their voxels one by one. Of those that may see more than any before,
-// the most promising voxel is looked at.
-void Search::race(LabelTiles& tiles, std::vector<Tile>& left) {
-  const Index* edges = tiles.edges();
-  Index lowest = 0;
-  const auto rate = [&](Tile& tile) {
-    tile.hidden = INT64_MAX;
-    each_voxel(tile.low, edges, [&](Index rank, Index at) {
-      if (std::tie(tile.bounds[at], rank) >= std::tie(tile.hidden, tile.rank)) return;
-      tile.hidden = tile.bounds[at];
-      tile.rank = rank;
-    });
-    if (tile.hidden > least_) tile.bounds = {};
-    if (tile.hidden >= lowest) return;
-    lowest = tile.hidden;
-    consider(tile.rank);
-  };
-  for (int stage = 0; stage <= LabelTiles::kStages; ++stage) {
-    std::sort(left.begin(), left.end(),
-              [](const Tile& a, const Tile& b) { return std::tie(a.hidden, a.rank) < std::tie(b.hidden, b.rank); });
-    lowest = least_;
-    for (Tile& tile : left) {
-      if (stage == 0) {
-        tile.bounds.assign(LabelTiles::kVoxels, 0);
-        tiles.bound(0, tile.low, least_, tile.bounds, best_.n_steps, stop_);
-        rate(tile);
-        continue;
-      }
+// The candidate from which least may be hidden; -1 where there is none.
+Index Search::promising() const {
+  const Candidate* best = nullptr;
+  for (const Candidate& c : candidates_) {
+    if (is_open(c) && (best == nullptr || is_before(c, *best))) best = &c;
+  }
+  return best == nullptr ? -1 : best->voxel;
+}
+
+// All passes from one on for the candidates about the most promising; of those left, the most promising are looked at
+// and the others wait for the last pass.
+void Search::go_ahead(LabelTiles& tiles, int pass) {
+  const Index seed = promising();
+  if (seed < 0) return;
+  Tile tile{0, seed, {}, nullptr, nullptr};
+  Index ijk[3];
+  crop_.position(seed, ijk);
+  for (int a = 0; a < 3; ++a) tile.low[a] = std::max<Index>(ijk[a] - tiles.edges()[a] / 2, 0);
+  const auto first = std::stable_partition(candidates_.begin(), candidates_.end(), [&](const Candidate& c) {
+    bool is_in = true;
+    for (int a = 0; a < 3; ++a) is_in = is_in && c.ijk[a] >= tile.low[a] && c.ijk[a] < tile.low[a] + tiles.edges()[a];
+    return !is_in;
+  });
+  ahead_.assign(first, candidates_.end());
+  candidates_.erase(first, candidates_.end());
+  tile.first = ahead_.data();
+  tile.last = tile.first + ahead_.size();
+  for (; pass < LabelTiles::kBounds; ++pass) work(tiles, pass, tile, least_);
+  std::vector<Index> bounds;
+  for (const Candidate& c : ahead_) {
+    if (is_open(c)) bounds.push_back(bounds_[c.voxel]);
+  }
+  if (bounds.empty()) return;
+  const auto nth = bounds.begin() + std::min<Index>(kAhead, static_cast<Index>(bounds.size())) - 1;
+  std::nth_element(bounds.begin(), nth, bounds.end());
+  work(tiles, pass, tile, *nth);
+}
+
+// Bounds by more and more probes, then whole segments. Between, candidates that are left are gathered in new tiles, and
+// once some are taken ahead. Where only few of a tile are left, they are looked at one by one.
+void Search::race(LabelTiles& tiles) {
+  const std::size_t n_all = candidates_.size();
+  bool is_ahead = false;
+  for (int pass = 0; pass <= LabelTiles::kBounds; ++pass) {
+    drop(candidates_);
+    if (!is_ahead && (pass == 2 || (pass == 1 && 2 * candidates_.size() < n_all))) {
+      is_ahead = true;
+      const Index before = best_.n_steps;
+      go_ahead(tiles, pass);
+      free_steps_ += best_.n_steps - before;
+      drop(candidates_);
+    }
+    if (pass == LabelTiles::kBounds) {
+      drop(ahead_);
+      candidates_.insert(candidates_.end(), ahead_.begin(), ahead_.end());
+      ahead_.clear();
+    }
+    for (const Tile& tile : tiles_of(tiles.edges())) {
       if (tile.hidden > least_) break;
-      if (is_over()) {
-        open_ = tile.hidden;
+      if (pass >= kStopped && is_over()) {
+        for (const std::vector<Candidate>* left : {&candidates_, &ahead_}) {
+          for (const Candidate& c : *left) {
+            if (is_open(c)) open_ = std::min<Index>(open_, bounds_[c.voxel]);
+          }
+        }
         return;
       }
-      const Index n = n_left(edges, tile);
-      if (n * row_steps_ <= kTileSteps * tiles.n_places() * n_looks_) {
-        each_voxel(tile.low, edges, [&](Index rank, Index at) {
-          if (tile.bounds[at] <= enough(rank)) consider(rank);
-        });
-        tile.hidden = INT64_MAX;
-      } else if (stage < LabelTiles::kStages) {
-        tiles.bound(stage, tile.low, least_, tile.bounds, best_.n_steps, stop_);
-        rate(tile);
+      Index n = 0;
+      for (const Candidate* c = tile.first; c != tile.last; ++c) n += is_open(*c) ? 1 : 0;
+      if (pass > 0 && n * row_steps_ <= kTileSteps * tiles.n_places() * n_looks_) {
+        for (const Candidate* c = tile.first; c != tile.last; ++c) {
+          if (is_open(*c)) consider(c->voxel);
+        }
       } else {
-        tiles.look(tile.low, least_, tile.bounds, best_.n_steps, stop_);
-        each_voxel(tile.low, edges, [&](Index rank, Index at) {
-          if (tile.bounds[at] > enough(rank)) return;
-          least_ = tile.bounds[at];
-          winner_ = rank;
-        });
+        work(tiles, pass, tile, least_);
       }
     }
+    if (pass > 0) continue;
+    const Index voxel = promising();
+    if (voxel >= 0) consider(voxel);
   }
 }
 
@@ -276,9 +371,9 @@ void Search::cut(const Block& block, Index edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
         Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
         each_voxel(part.low, edges, [&](Index rank, Index) { part.rank = std::min(part.rank, rank); });
-        if (part.rank == INT64_MAX || part.hidden > enough(part.rank)) continue;
+        if (part.rank == INT64_MAX || part.hidden > enough(by_depth_[part.rank])) continue;
         if (!is_over()) part.hidden = std::max(part.hidden, bound(part));
-        if (part.hidden <= enough(part.rank)) queue_.push(part);
+        if (part.hidden <= enough(by_depth_[part.rank])) queue_.push(part);
       }
     }
   }
@@ -291,7 +386,7 @@ Index Search::bound(const Block& block) {
     Index middle[3];
     for (int a = 0; a < 3; ++a) middle[a] = block.low[a] + reach;
     if (crop_.is_flat) middle[0] = 1;
-    return level.rows->hidden(middle, enough(block.rank), best_.n_steps, stop_);
+    return level.rows->hidden(middle, enough(by_depth_[block.rank]), best_.n_steps, stop_);
   }
   return 0;
 }
@@ -303,19 +398,29 @@ void Search::look_into(const Block& block) {
   each_voxel(block.low, edges, [&](Index rank, Index) { ranks.push_back(rank); });
   std::sort(ranks.begin(), ranks.end());
   for (const Index rank : ranks) {
-    if (block.hidden > enough(rank)) continue;
+    if (block.hidden > enough(by_depth_[rank])) continue;
     if (is_over()) {
       open_ = std::min(open_, block.hidden);
       return;
     }
-    consider(rank);
+    consider(by_depth_[rank]);
   }
 }
 
 // Where tiles would take too long or too much memory: blocks that are bounded as a whole.
 void Search::branch() {
-  climb();
+  for (const Candidate& c : candidates_) by_depth_.push_back(c.voxel);
+  std::sort(by_depth_.begin(), by_depth_.end(), [&](Index a, Index b) { return is_deeper(a, b); });
+  ranks_.assign(static_cast<std::size_t>(crop_.size()), -1);
   const Index n = static_cast<Index>(by_depth_.size());
+  for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  // From the deepest even if more is seen from the other one: where that leads need not be better.
+  const Index other = winner_, hidden = least_;
+  if (other != best_.deepest) is_known_[other] = 0;
+  winner_ = best_.deepest;
+  least_ = n - best_.deepest_seen;
+  climb();
+  take(other, hidden);
   Index edge = kSplit;
   while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
   for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
@@ -324,7 +429,7 @@ void Search::branch() {
   while (!queue_.empty()) {
     const Block block = queue_.top();
     queue_.pop();
-    if (block.hidden > enough(block.rank)) continue;
+    if (block.hidden > enough(by_depth_[block.rank])) continue;
     if (is_over()) {
       open_ = std::min(open_, block.hidden);
       break;
@@ -338,22 +443,23 @@ void Search::branch() {
 }
 
 BestVoxel Search::run(Index always, Index most_steps) {
-  const Index n = static_cast<Index>(by_depth_.size());
-  if (least_ > 0) {
+  const Index n = static_cast<Index>(candidates_.size());
+  // Only the deepest is needed where it sees all.
+  if (least_ > 0 || winner_ != best_.deepest) {
     limit_ = n <= always ? INT64_MAX : most_steps;
-    std::vector<Tile> all;
     std::unique_ptr<LabelTiles> tiles;
     if (LabelTiles::is_small(crop_)) {
       tiles = std::make_unique<LabelTiles>(crop_);
-      all = tiles_of(tiles->edges());
+      bounds_.assign(static_cast<std::size_t>(crop_.size()), 0);
     }
-    if (tiles != nullptr && static_cast<Index>(all.size()) * tiles->n_places() <= limit_ / kShare) {
-      race(*tiles, all);
+    if (tiles != nullptr &&
+        static_cast<Index>(tiles_of(tiles->edges()).size()) * tiles->n_places() <= limit_ / kShare) {
+      race(*tiles);
     } else {
       branch();
     }
   }
-  best_.voxel = by_depth_[winner_];
+  best_.voxel = winner_;
   best_.n_seen = n - least_;
   best_.upper = n - std::min(least_, open_);
   return best_;
@@ -361,8 +467,8 @@ BestVoxel Search::run(Index always, Index most_steps) {
 
 }  // namespace
 
-BestVoxel best_voxel(const Crop& crop, Doubles depths, Index always, Index most_steps, Stop& stop) {
-  return Search(crop, depths, stop).run(always, most_steps);
+BestVoxel best_voxel(const Crop& crop, Doubles depths, Index other, Index always, Index most_steps, Stop& stop) {
+  return Search(crop, depths, other, stop).run(always, most_steps);
 }
 
 }  // namespace voxkernel

@@ -13,11 +13,13 @@ struct BestVoxel {
   Index upper = 0;    // no voxel sees more than this
   Index deepest = 0;  // the voxel farthest from the outside, the first of them
   Index deepest_seen = 0;
-  Index n_steps = 0;  // voxels looked at
+  Index other_seen = 0;  // from a voxel that was asked for; 0 if that is outside
+  Index n_steps = 0;     // voxels looked at
 };
 
 // `depths` are those of `squared_depths`. Of voxels that see equally much the deepest counts, then the first. The
-// bounds meet for objects of up to `always` voxels, and for others that `most_steps` are enough for.
-BestVoxel best_voxel(const Crop& crop, Doubles depths, Index always, Index most_steps, Stop& stop);
+// bounds meet for objects of up to `always` voxels, and for others that `most_steps` are enough for. What is seen from
+// `other`, a position in the crop, is told, too.
+BestVoxel best_voxel(const Crop& crop, Doubles depths, Index other, Index always, Index most_steps, Stop& stop);
 
 }  // namespace voxkernel

@@ -5,6 +5,7 @@
 #include "label_parts.h"
 #include "label_rays.h"
 #include "label_segments.h"
+#include "label_sums.h"
 #include "label_view.h"
 #include "star_kernels.h"
 
@@ -66,6 +67,18 @@ void bind_labels(nb::module_& m) {
       array("crop"), nb::arg("is_flat"), stop_argument(),
       "Number of fragments, voxels of the largest, number of holes, voxels in them.");
   m.def(
+      "line_counts",
+      [](const Image& crop, bool is_flat, Array<Index, -1, -1> ij, Array<Index, -1, -1> ik, Array<Index, -1, -1> jk,
+         StopFlag* flag) {
+        const auto flat = [](const Array<Index, -1, -1>& plane) {
+          return Span<Index>(plane.data(), static_cast<Index>(plane.shape(0) * plane.shape(1)));
+        };
+        const LineCounts counts{flat(ij), flat(ik), flat(jk)};
+        without_lock([&](Stop& stop) { line_counts(crop_of(crop, is_flat), counts, stop); }, flag);
+      },
+      array("crop"), nb::arg("is_flat"), array("ij"), array("ik"), array("jk"), stop_argument(),
+      "Fill how many voxels of an object are in each line along an axis, by the other two.");
+  m.def(
       "visible_voxels",
       [](const Image& crop, bool is_flat, Position center, Array<std::uint8_t, -1, -1, -1> seen, StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
@@ -85,16 +98,21 @@ void bind_labels(nb::module_& m) {
       "Number of voxels that a voxel of the object sees.");
   m.def(
       "best_voxel",
-      [](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index always, Index most_steps,
-         StopFlag* flag) {
+      [](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index other, Index always,
+         Index most_steps, StopFlag* flag) {
         const Crop object = crop_of(crop, is_flat);
         const BestVoxel best = without_lock(
-            [&](Stop& stop) { return best_voxel(object, {depths.data(), object.size()}, always, most_steps, stop); },
+            [&](Stop& stop) {
+              return best_voxel(object, {depths.data(), object.size()}, other, always, most_steps, stop);
+            },
             flag);
-        return std::make_tuple(best.voxel, best.n_seen, best.upper, best.deepest, best.deepest_seen, best.n_steps);
+        return std::make_tuple(best.voxel, best.n_seen, best.upper, best.deepest, best.deepest_seen, best.other_seen,
+                               best.n_steps);
       },
-      array("crop"), nb::arg("is_flat"), array("depths"), nb::arg("always"), nb::arg("most_steps"), stop_argument(),
-      "The voxel that sees most, what it sees, a bound on that; the deepest and what it sees; voxels looked at.");
+      array("crop"), nb::arg("is_flat"), array("depths"), nb::arg("other"), nb::arg("always"), nb::arg("most_steps"),
+      stop_argument(),
+      "The voxel that sees most, what it sees, a bound on that; the deepest and what it sees; what another one sees, 0 "
+      "outside; voxels looked at.");
   m.def(
       "ray_lengths",
       [](const Image& crop, bool is_flat, Position center, Array2<const double, 3> directions, bool is_stepped,

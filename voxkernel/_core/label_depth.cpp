@@ -14,13 +14,25 @@ class Envelope {
  public:
   explicit Envelope(Index most) : values_(most), vertex_(most), from_(most + 1) {}
 
+  // Of a line only stretches of the object matter, each with the voxel outside before and after it: those farther away
+  // are never nearer.
   void transform(double* line, Index n, Index stride, double spacing) {
+    for (Index q = 1; q < n; ++q) {
+      if (line[q * stride] == 0.0) continue;
+      Index last = q + 1;
+      while (last < n - 1 && line[last * stride] != 0.0) ++last;
+      stretch(line, q - 1, last, stride, spacing);
+      q = last;
+    }
+  }
+
+ private:
+  void stretch(double* line, Index first, Index last, Index stride, double spacing) {
     const double square = spacing * spacing;
     Index top = -1;
-    for (Index q = 0; q < n; ++q) {
+    for (Index q = first; q <= last; ++q) {
       const double value = line[q * stride];
       values_[q] = value;
-      if (value == kFar) continue;
       double from = -kFar;
       while (top >= 0) {
         const Index v = vertex_[top];
@@ -34,17 +46,15 @@ class Envelope {
       vertex_[top] = q;
       from_[top] = from;
     }
-    if (top < 0) return;
     from_[top + 1] = kFar;
     Index at = 0;
-    for (Index q = 0; q < n; ++q) {
+    for (Index q = first + 1; q < last; ++q) {
       while (from_[at + 1] < static_cast<double>(q)) ++at;
       const double gap = static_cast<double>(q - vertex_[at]) * spacing;
       line[q * stride] = gap * gap + values_[vertex_[at]];
     }
   }
 
- private:
   std::vector<double> values_;
   std::vector<Index> vertex_;
   std::vector<double> from_;

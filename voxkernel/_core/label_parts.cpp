@@ -1,87 +1,100 @@
 #include "label_parts.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <vector>
+
+#include "union_find.h"
 
 namespace voxkernel {
 namespace {
 
-// Empties connected pieces of a field one after the other.
-class Flood {
+// A stretch of a row, of the object or of background, both ends included.
+struct Run {
+  std::int32_t first, last;
+};
+
+// The runs of all rows, one row behind the other.
+class Runs {
  public:
-  Flood(const Crop& crop, std::vector<std::uint8_t>& field, bool with_corners) : field_(field) {
-    for (Index i = crop.is_flat ? 0 : -1; i <= (crop.is_flat ? 0 : 1); ++i) {
-      for (Index j = -1; j <= 1; ++j) {
-        for (Index k = -1; k <= 1; ++k) {
-          const Index n = i * i + j * j + k * k;
-          if (n == 1 || (n > 1 && with_corners)) neighbours_.push_back(crop.flat(i, j, k));
+  Runs(const Crop& crop, bool is_object, Stop& stop) : crop_(crop), starts_(1, 0) {
+    const Index nk = crop.shape[2], n_rows = crop.shape[0] * crop.shape[1];
+    for (Index row = 0; row < n_rows; ++row) {
+      const std::uint8_t* bytes = crop.bytes.data() + row * nk;
+      const bool is_left_out = crop.is_flat && row / crop.shape[1] != 1;
+      for (Index k = is_left_out ? nk : 0; k < nk;) {
+        if ((bytes[k] != 0) != is_object) {
+          ++k;
+          continue;
         }
+        const Index first = k;
+        while (k < nk && (bytes[k] != 0) == is_object) ++k;
+        runs_.push_back({static_cast<std::int32_t>(first), static_cast<std::int32_t>(k - 1)});
       }
+      starts_.push_back(static_cast<Index>(runs_.size()));
+      stop.poll(nk);
     }
   }
 
-  // Number of voxels of the piece that holds `seed`.
-  Index drain(Index seed, Stop& stop) {
-    if (field_[seed] == 0) return 0;
-    field_[seed] = 0;
-    stack_.assign(1, seed);
-    Index n = 0;
-    while (!stack_.empty()) {
-      const Index v = stack_.back();
-      stack_.pop_back();
-      ++n;
-      stop.poll(8);
-      for (const Index step : neighbours_) {
-        if (field_[v + step] == 0) continue;
-        field_[v + step] = 0;
-        stack_.push_back(v + step);
-      }
-    }
-    return n;
+  // Number of voxels of every part, in the order of their first runs; joined through edges and corners, too, or through
+  // faces only.
+  std::vector<Index> sizes(bool with_corners, Stop& stop) const {
+    const bool is_small = runs_.size() <= static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max());
+    return is_small ? sizes_as<std::int32_t>(with_corners, stop) : sizes_as<Index>(with_corners, stop);
   }
 
  private:
-  std::vector<std::uint8_t>& field_;
-  std::vector<Index> neighbours_, stack_;
-};
+  template <typename Small>
+  std::vector<Index> sizes_as(bool with_corners, Stop& stop) const {
+    UnionFind<Small> parts(static_cast<Index>(runs_.size()));
+    const Index ni = crop_.shape[0], nj = crop_.shape[1];
+    const Index reach = with_corners ? 1 : 0;
+    for (Index i = 0; i < ni; ++i) {
+      for (Index j = 0; j < nj; ++j) {
+        const Index row = i * nj + j;
+        if (j > 0) join(row, row - 1, reach, parts);
+        if (i > 0) {
+          join(row, row - nj, reach, parts);
+          if (with_corners && j > 0) join(row, row - nj - 1, reach, parts);
+          if (with_corners && j < nj - 1) join(row, row - nj + 1, reach, parts);
+        }
+      }
+      stop.poll(8 * (starts_[(i + 1) * nj] - starts_[i * nj] + nj));
+    }
+    std::vector<Index> found(static_cast<std::size_t>(parts.n_parts()), 0);
+    const std::vector<Index> labels = parts.labels([](Index) { return true; });
+    for (std::size_t r = 0; r < runs_.size(); ++r) found[labels[r]] += runs_[r].last - runs_[r].first + 1;
+    return found;
+  }
 
-// `visit(voxel, is_at_the_rim)` for every voxel within the layer of background.
-template <typename Visit>
-void each_inner(const Crop& crop, Visit&& visit) {
-  for (Index i = 1; i < crop.shape[0] - 1; ++i) {
-    const bool end_i = !crop.is_flat && (i == 1 || i == crop.shape[0] - 2);
-    for (Index j = 1; j < crop.shape[1] - 1; ++j) {
-      const bool end_j = end_i || j == 1 || j == crop.shape[1] - 2;
-      const Index row = crop.flat(i, j, 0);
-      for (Index k = 1; k < crop.shape[2] - 1; ++k) visit(row + k, end_j || k == 1 || k == crop.shape[2] - 2);
+  // Joins runs of two rows that have a voxel in common along the row, or neighbours where `reach` is 1.
+  template <typename Small>
+  void join(Index row, Index other, Index reach, UnionFind<Small>& parts) const {
+    Index b = starts_[other];
+    const Index end = starts_[other + 1];
+    for (Index a = starts_[row]; a < starts_[row + 1]; ++a) {
+      while (b < end && runs_[b].last + reach < runs_[a].first) ++b;
+      for (Index c = b; c < end && runs_[c].first <= runs_[a].last + reach; ++c) parts.join(a, c);
     }
   }
-}
+
+  const Crop& crop_;
+  std::vector<Run> runs_;
+  std::vector<Index> starts_;  // of every row
+};
 
 }  // namespace
 
 LabelParts label_parts(const Crop& crop, Stop& stop) {
   LabelParts parts;
-  std::vector<std::uint8_t> field(crop.bytes.begin(), crop.bytes.end());
-  Flood pieces(crop, field, true);
-  each_inner(crop, [&](Index v, bool) {
-    const Index n = pieces.drain(v, stop);
-    if (n == 0) return;
-    ++parts.n_fragments;
-    parts.largest_fragment = std::max(parts.largest_fragment, n);
-  });
-  // The layer around counts as visited: what is open to it is emptied first, the rest are holes.
-  each_inner(crop, [&](Index v, bool) { field[v] = crop.bytes[v] == 0 ? 1 : 0; });
-  Flood outside(crop, field, false);
-  each_inner(crop, [&](Index v, bool is_at_the_rim) {
-    if (is_at_the_rim) outside.drain(v, stop);
-  });
-  each_inner(crop, [&](Index v, bool) {
-    const Index n = outside.drain(v, stop);
-    if (n == 0) return;
-    ++parts.n_holes;
-    parts.hole_voxels += n;
-  });
+  const std::vector<Index> fragments = Runs(crop, true, stop).sizes(true, stop);
+  parts.n_fragments = static_cast<Index>(fragments.size());
+  for (const Index n : fragments) parts.largest_fragment = std::max(parts.largest_fragment, n);
+  // The first run of background is in the layer around, which holds together; the other parts are holes.
+  const std::vector<Index> background = Runs(crop, false, stop).sizes(false, stop);
+  parts.n_holes = static_cast<Index>(background.size()) - 1;
+  for (std::size_t p = 1; p < background.size(); ++p) parts.hole_voxels += background[p];
   return parts;
 }
 

@@ -57,20 +57,30 @@ struct End {
   double k;
 };
 
-// Twice the area of a, b, p in the plane of the first two axes. Where it is 0, its sign is that for a p moved by
-// (e, e^2) with an e smaller than any number, so that every p is on one side, and an edge has two.
-struct Side {
-  Index twice;
-  bool is_positive;
-};
-Side side(const End& a, const End& b, Index i, Index j) {
-  const Index di = b.i - a.i, dj = b.j - a.j;
-  const Index twice = di * (j - a.j) - dj * (i - a.i);
-  return {twice, twice != 0 ? twice > 0 : dj != 0 ? dj < 0 : di > 0};
-}
+// Twice the area of a, b, p in the plane of the first two axes, for points p along the second one.
+class Side {
+ public:
+  // From p = (i, j) on, one `unit` after the other.
+  Side(const End& a, const End& b, Index i, Index j, Index unit)
+      : step_((b.i - a.i) * unit), twice_((b.i - a.i) * (j - a.j) - (b.j - a.j) * (i - a.i)) {
+    const Index di = b.i - a.i, dj = b.j - a.j;
+    is_positive_on_it_ = dj != 0 ? dj < 0 : di > 0;
+  }
+  void advance() { twice_ += step_; }
+  Index twice() const { return twice_; }
+  // Where it is 0, its sign is that for a p moved by (e, e^2) with an e smaller than any number, so that every p is on
+  // one side, and an edge has two.
+  bool is_positive() const { return twice_ != 0 ? twice_ > 0 : is_positive_on_it_; }
 
-Index first_row(Index q, Index unit) { return q >= 0 ? (q + unit - 1) / unit : -(-q / unit); }
-Index last_row(Index q, Index unit) { return q >= 0 ? q / unit : -((-q + unit - 1) / unit); }
+ private:
+  Index step_, twice_;
+  bool is_positive_on_it_;
+};
+
+// Rows are at multiples of 2**bits; numbers are moved up, so that none is below 0.
+constexpr Index kUp = Index{1} << 40;
+Index last_row(Index q, int bits) { return ((q + kUp) >> bits) - (kUp >> bits); }
+Index first_row(Index q, int bits) { return last_row(q + (Index{1} << bits) - 1, bits); }
 
 }  // namespace
 
@@ -123,9 +133,10 @@ StarCount StarRaster::count(const Index* center, Points ends, Triangles faces, c
   }
   const int bits = std::max(0, std::min(kMostBits, kLongest - 1 - std::ilogb(largest)));
   const Index unit = Index{1} << bits;
+  const double scale = static_cast<double>(unit);
   std::vector<End> fixed(static_cast<std::size_t>(ends.size()));
   for (Index e = 0; e < ends.size(); ++e) {
-    fixed[e] = {std::llround(std::ldexp(ends(e, 0), bits)), std::llround(std::ldexp(ends(e, 1), bits)), ends(e, 2)};
+    fixed[e] = {std::llround(ends(e, 0) * scale), std::llround(ends(e, 1) * scale), ends(e, 2)};
   }
   count_ = {};
   if (crop_.is_flat) {
@@ -134,7 +145,7 @@ StarCount StarRaster::count(const Index* center, Points ends, Triangles faces, c
       if (a.j == b.j) continue;
       const bool rises = b.j > a.j;
       // A row on an end belongs to the edge above it.
-      const Index first = first_row(std::min(a.j, b.j), unit), last = last_row(std::max(a.j, b.j) - 1, unit);
+      const Index first = first_row(std::min(a.j, b.j), bits), last = last_row(std::max(a.j, b.j) - 1, bits);
       for (Index j = first; j <= last; ++j) {
         const double share = static_cast<double>(j * unit - a.j) / static_cast<double>(b.j - a.j);
         pass(center_[0], center_[1] + j, a.k + share * (b.k - a.k), rises);
@@ -147,22 +158,19 @@ StarCount StarRaster::count(const Index* center, Points ends, Triangles faces, c
   }
   for (Index f = 0; f < faces.size(); ++f) {
     const End &a = fixed[faces(f, 0)], &b = fixed[faces(f, 1)], &c = fixed[faces(f, 2)];
-    const Index twice = side(a, b, c.i, c.j).twice;
+    const Index twice = Side(a, b, c.i, c.j, unit).twice();
     if (twice == 0) continue;  // no row passes it, wherever the rows are moved by however little
-    const Index low_i = first_row(std::min({a.i, b.i, c.i}), unit), high_i = last_row(std::max({a.i, b.i, c.i}), unit);
-    const Index low_j = first_row(std::min({a.j, b.j, c.j}), unit), high_j = last_row(std::max({a.j, b.j, c.j}), unit);
+    const Index low_i = first_row(std::min({a.i, b.i, c.i}), bits), high_i = last_row(std::max({a.i, b.i, c.i}), bits);
+    const Index low_j = first_row(std::min({a.j, b.j, c.j}), bits), high_j = last_row(std::max({a.j, b.j, c.j}), bits);
     const bool leaves = twice > 0;
     const double inverse = 1.0 / static_cast<double>(twice);
     for (Index i = low_i; i <= high_i; ++i) {
-      for (Index j = low_j; j <= high_j; ++j) {
-        const Side ab = side(a, b, i * unit, j * unit);
-        if (ab.is_positive != leaves) continue;
-        const Side bc = side(b, c, i * unit, j * unit);
-        if (bc.is_positive != leaves) continue;
-        const Side ca = side(c, a, i * unit, j * unit);
-        if (ca.is_positive != leaves) continue;
-        const double x = (static_cast<double>(bc.twice) * a.k + static_cast<double>(ca.twice) * b.k +
-                          static_cast<double>(ab.twice) * c.k) *
+      Side ab(a, b, i * unit, low_j * unit, unit), bc(b, c, i * unit, low_j * unit, unit);
+      Side ca(c, a, i * unit, low_j * unit, unit);
+      for (Index j = low_j; j <= high_j; ++j, ab.advance(), bc.advance(), ca.advance()) {
+        if (ab.is_positive() != leaves || bc.is_positive() != leaves || ca.is_positive() != leaves) continue;
+        const double x = (static_cast<double>(bc.twice()) * a.k + static_cast<double>(ca.twice()) * b.k +
+                          static_cast<double>(ab.twice()) * c.k) *
                          inverse;
         pass(center_[0] + i, center_[1] + j, x, leaves);
       }

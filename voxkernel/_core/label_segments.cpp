@@ -12,8 +12,8 @@ constexpr double kMostSteps = 0x1p25;  // bytes of steps that are kept
 
 SegmentSteps::SegmentSteps(const Index* shape, const Index* strides) {
   double n_segments = 1.0, longest = 1.0;
-  std::copy(shape, shape + 3, shape_);
-  std::sort(shape_, shape_ + 3, [](Index a, Index b) { return a > b; });
+  Index sorted[3] = {shape[0], shape[1], shape[2]};
+  std::sort(sorted, sorted + 3, [](Index a, Index b) { return a > b; });
   for (int a = 0; a < 3; ++a) {
     n_segments *= static_cast<double>(shape[a]);
     longest += static_cast<double>(shape[a]);
@@ -31,7 +31,19 @@ SegmentSteps::SegmentSteps(const Index* shape, const Index* strides) {
     }
   }
   // Half of the longest is the mean.
-  if (0.5 * n_segments * longest <= kMostSteps) first_.assign(static_cast<std::size_t>(n_segments), -1);
+  if (0.5 * n_segments * longest > kMostSteps) return;
+  std::int32_t n = 0;
+  for (Index k = 0; k < sorted[1]; ++k) {
+    places_[1].push_back(n);
+    n += static_cast<std::int32_t>(std::min(k + 1, sorted[2]));
+  }
+  places_[1].push_back(n);
+  n = 0;
+  for (Index k = 0; k < sorted[0]; ++k) {
+    places_[0].push_back(n);
+    n += places_[1][std::min(k + 1, sorted[1])];
+  }
+  first_.assign(static_cast<std::size_t>(n), -1);
 }
 
 std::int32_t SegmentSteps::append(const Index* n) {

@@ -85,7 +85,7 @@ class SegmentSteps {
     const unsigned signs = (d[0] < 0 ? 1u : 0u) | (d[1] < 0 ? 2u : 0u) | (d[2] < 0 ? 4u : 0u);
     const std::uint8_t* axes = kOrders[order];
     const Index sorted[3] = {n[axes[0]], n[axes[1]], n[axes[2]]};
-    std::int32_t& first = first_[(sorted[0] * shape_[1] + sorted[1]) * shape_[2] + sorted[2]];
+    std::int32_t& first = first_[places_[0][sorted[0]] + places_[1][sorted[1]] + sorted[2]];
     if (first < 0) first = append(sorted);
     return {steps_.data() + first, moves_[order][signs]};
   }
@@ -97,9 +97,9 @@ class SegmentSteps {
 
   std::int32_t append(const Index* n);
 
-  Index shape_[3];  // sorted, the largest first
   Index moves_[8][8][8];
-  std::vector<std::int32_t> first_;
+  std::vector<std::int32_t> first_;      // of every sorted n
+  std::vector<std::int32_t> places_[2];  // where those with a largest n start, and those with a second one among them
   std::vector<std::uint8_t> steps_;
 };
 

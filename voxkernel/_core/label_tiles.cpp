@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "avx2.h"
+#include "bits.h"
 
 namespace voxkernel {
 namespace {
@@ -15,7 +16,28 @@ constexpr int kProbes[4] = {0, 7, 15, 31};  // before each stage, and all
 constexpr int kAllProbes = kProbes[3];
 constexpr int kPeriods[3] = {8, 16, 32};  // what the shares of a stage are multiples of the inverse of
 constexpr int kPlacesAtOnce = 4;
-constexpr Index kPlanes = 2;  // after so many it is asked which voxels of a tile are out of the race
+constexpr Index kOften = 2000;  // places after which it is asked which voxels of a tile are out of the race
+constexpr Index kPlanes = 2;    // after so many it is asked which voxels of a tile are out of the race
+
+// Rows of a part: every so many from the tile and some more, in planes by their distance from the tile modulo 4; none
+// where it is 0.
+struct Part {
+  struct Rows {
+    Index every, from;
+  } planes[4];
+};
+constexpr Part kParts[4] = {
+    {{{0, 0}, {0, 0}, {4, 2}, {0, 0}}},  // a sixteenth of the rows
+    {{{2, 0}, {0, 0}, {4, 0}, {0, 0}}},  // three sixteenths
+    {{{2, 1}, {1, 0}, {2, 1}, {1, 0}}},  // the rest
+    {{{1, 0}, {1, 0}, {1, 0}, {1, 0}}},  // all
+};
+constexpr Part::Rows kFlatParts[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane
+
+// A byte for each of eight bits.
+Word bytes_of(Word bits) {
+  return (((bits * 0x0101010101010101u & 0x8040201008040201u) + 0x7f7f7f7f7f7f7f7fu) >> 7) & 0x0101010101010101u;
+}
 
 struct Four {
   Word w[4];
@@ -102,6 +124,7 @@ VOXKERNEL_AVX2_INLINE bool is_none(__m256i words) { return _mm256_testz_si256(wo
 
 LabelTiles::LabelTiles(const Crop& crop) {
   const bool flat = crop.is_flat;
+  is_flat_ = flat;
   const Index own_edges[3] = {kLayers, flat ? 1 : 8, flat ? kBits : 8};
   axes_[0] = flat ? 1 : 0;
   axes_[1] = flat ? 0 : 1;
@@ -119,14 +142,17 @@ LabelTiles::LabelTiles(const Crop& crop) {
   const Index ni = crop.shape[axes_[0]], nj = crop.shape[axes_[1]], nk = crop.shape[axes_[2]];
   const Index step_i = crop.stride(axes_[0]), step_j = crop.stride(axes_[1]);
   const Word row_mask = flat ? ~Word{0} : (Word{1} << own_edges[2]) - 1;
-  for (Index i = 0; i < ni; ++i) {
-    for (Index j = nj - 1; j >= -margin_[1]; --j) {
-      Word row = 0;
-      for (Index k = nk - 1; k >= -margin_[2]; --k) {
-        const bool is_in = j >= 0 && k >= 0 && crop.bytes[i * step_i + j * step_j + k] != 0;
-        row = (row << 1 | (is_in ? 1u : 0u)) & row_mask;
-        const Index at = (i + margin_[0]) + (j + margin_[1]) * strides_[1] + (k + margin_[2]) * strides_[2];
-        words_[at] = row | (!flat && j < nj - 1 ? words_[at + strides_[1]] << own_edges[2] : 0);
+  std::vector<Word> rows(static_cast<std::size_t>(ni));
+  for (Index j = nj - 1; j >= -margin_[1]; --j) {
+    std::fill(rows.begin(), rows.end(), Word{0});
+    for (Index k = nk - 1; k >= -margin_[2]; --k) {
+      const bool is_in = j >= 0 && k >= 0;
+      const std::uint8_t* const bytes = crop.bytes.data() + (is_in ? j * step_j + k : 0);
+      Word* const to = words_.data() + margin_[0] + (j + margin_[1]) * strides_[1] + (k + margin_[2]) * strides_[2];
+      const bool goes_on = !flat && j < nj - 1;
+      for (Index i = 0; i < ni; ++i) {
+        rows[i] = (rows[i] << 1 | (is_in && bytes[i * step_i] != 0 ? 1u : 0u)) & row_mask;
+        to[i] = rows[i] | (goes_on ? to[i + strides_[1]] << own_edges[2] : 0);
       }
     }
   }
@@ -134,6 +160,7 @@ LabelTiles::LabelTiles(const Crop& crop) {
   ones_.assign(static_cast<std::size_t>(4 * shape_[0]), ~Word{0});
   first_.assign(static_cast<std::size_t>(shape_[1] * shape_[2]), 0);
   last_.assign(first_.size(), -1);
+  for (Index j = 0; j < shape_[1]; ++j) planes_.insert(planes_.end(), {shape_[2], -1});
   for (Index row = 0; row < shape_[1] * shape_[2]; ++row) {
     for (Index i = shape_[0] - kLayers; i >= 0; --i) {
       if (is_none(four(words_.data() + row * shape_[0] + i))) continue;
@@ -141,6 +168,10 @@ LabelTiles::LabelTiles(const Crop& crop) {
       if (last_[row] < 0) last_[row] = static_cast<std::int32_t>(i);
     }
     n_places_ += last_[row] + 1 - first_[row];
+    if (last_[row] < 0) continue;
+    Index* const range = planes_.data() + 2 * (row / shape_[2]);
+    range[0] = std::min(range[0], row % shape_[2]);
+    range[1] = row % shape_[2];
   }
   for (int a = 0; a < 3; ++a) {
     probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes));
@@ -152,6 +183,9 @@ LabelTiles::LabelTiles(const Crop& crop) {
     }
   }
   steps_ = SegmentSteps(shape_, strides_);
+  Index n_voxels = 0;
+  for (const std::uint8_t byte : crop.bytes) n_voxels += byte != 0 ? 1 : 0;
+  counts_.n_levels = static_cast<int>(highest_bit(static_cast<Word>(n_voxels))) + 1;
 }
 
 void LabelTiles::Counts::clear() {
@@ -161,27 +195,50 @@ void LabelTiles::Counts::clear() {
 
 // Adds what waits, so that the sums are the counts.
 void LabelTiles::Counts::settle() {
-  for (; n_waiting < kWaiting; ++n_waiting) std::fill_n(waiting[n_waiting], 4, Word{0});
-  add_up(sums, waiting);
-  n_waiting = 0;
-  for (; n_fours < kWaiting; ++n_fours) std::fill_n(fours[n_fours], 4, Word{0});
-  add_up(sums + 2, fours);
-  n_fours = 0;
+  settle(sums, waiting, n_waiting);
+  settle(sums + 2, fours, n_fours);
 }
 
-// Starts from the counts of some voxels.
-void LabelTiles::Counts::start(Span<const Index> counts, const Word* of) {
-  for (Index n = 0; n < kVoxels; ++n) {
-    const Word bit = Word{1} << (n % kBits);
-    if ((of[n / kBits] & bit) == 0) continue;
-    for (int l = 0; (counts[n] >> l) != 0; ++l) sums[l][n / kBits] |= (counts[n] >> l & 1) != 0 ? bit : 0;
+void LabelTiles::Counts::settle(Word (*to)[4], Word (*from)[4], Index& n) {
+  if (n == 0) return;
+  for (; n < kWaiting; ++n) std::fill_n(from[n], 4, Word{0});
+  n = 0;
+#ifdef VOXKERNEL_HAS_AVX2
+  if (has_avx2) {
+    add_up_avx2(to, from);
+    return;
+  }
+#endif
+  add_up(to, from);
+}
+
+// Starts from the counts of some voxels, those of at most `enough`; leaves out the others.
+void LabelTiles::Counts::start(Span<const Index> counts, Index enough, Word* of) {
+  constexpr Index kAtOnce = 8;
+  Index all = 0;
+  for (Index n = 0; n < kVoxels; n += kAtOnce) {
+    Index own[kAtOnce];
+    Word kept = 0;
+    for (Index v = 0; v < kAtOnce; ++v) {
+      const bool is_kept = counts[n + v] <= enough;
+      own[v] = is_kept ? counts[n + v] : 0;
+      kept |= (is_kept ? Word{1} : 0) << v;
+      all |= own[v];
+    }
+    of[n / kBits] &= kept << (n % kBits) | ~(Word{0xff} << (n % kBits));
+    if (all == 0) continue;
+    for (int l = 0; l < n_levels; ++l) {
+      Word bits = 0;
+      for (Index v = 0; v < kAtOnce; ++v) bits |= static_cast<Word>(own[v] >> l & 1) << v;
+      sums[l][n / kBits] |= bits << (n % kBits);
+    }
   }
 }
 
 void LabelTiles::Counts::keep_up_to(Index enough, Word* of) const {
   for (int w = 0; w < 4; ++w) {
     Word above = 0, equal = ~Word{0};
-    for (int l = kLevels - 1; l >= 0; --l) {
+    for (int l = n_levels - 1; l >= 0; --l) {
       const Word is_set = sums[l][w];
       if ((enough >> l & 1) == 0) above |= equal & is_set;
       equal &= (enough >> l & 1) == 0 ? ~is_set : is_set;
@@ -191,11 +248,20 @@ void LabelTiles::Counts::keep_up_to(Index enough, Word* of) const {
 }
 
 void LabelTiles::Counts::write(Span<Index> counts, const Word* of) const {
-  for (Index n = 0; n < kVoxels; ++n) {
-    if ((of[n / kBits] >> (n % kBits) & 1u) == 0) continue;
-    Index count = 0;
-    for (int l = 0; l < kLevels; ++l) count |= static_cast<Index>(sums[l][n / kBits] >> (n % kBits) & 1u) << l;
-    counts[n] = count;
+  constexpr Index kAtOnce = 8;
+  for (Index n = 0; n < kVoxels; n += kAtOnce) {
+    const Word kept = of[n / kBits] >> (n % kBits) & 0xff;
+    if (kept == 0) continue;
+    Word parts[3] = {0, 0, 0};  // eight levels each
+    for (int l = 0; l < n_levels; ++l) {
+      parts[l / kAtOnce] |= bytes_of(sums[l][n / kBits] >> (n % kBits) & 0xff) << (l % kAtOnce);
+    }
+    for (Index v = 0; v < kAtOnce; ++v) {
+      if ((kept >> v & 1) == 0) continue;
+      const int by = static_cast<int>(v * kAtOnce);
+      counts[n + v] =
+          static_cast<Index>((parts[0] >> by & 0xff) | (parts[1] >> by & 0xff) << 8 | (parts[2] >> by & 0xff) << 16);
+    }
   }
 }
 
@@ -212,10 +278,7 @@ void LabelTiles::stand_at(const Index* low) {
 // Where more than enough is hidden nothing is to be found; counts go on from what is known.
 void LabelTiles::start_at(const Index* low, Index enough, Span<const Index> hidden) {
   stand_at(low);
-  for (Index n = 0; n < kVoxels; ++n) {
-    if (hidden[n] > enough) own_[n / kBits] &= ~(Word{1} << (n % kBits));
-  }
-  counts_.start(hidden, own_);
+  counts_.start(hidden, enough, own_);
 }
 
 // Voxels from which more than enough is hidden are no longer looked from. Whether none is left.
@@ -226,27 +289,28 @@ bool LabelTiles::drop(Index enough) {
 }
 
 // What a probe of a segment finds outside is hidden.
-void LabelTiles::bound(int stage, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
-  if (stage == 0) {
-    stand_at(low);
-  } else {
-    start_at(low, enough, hidden);
-  }
+void LabelTiles::bound(int pass, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop) {
+  start_at(low, enough, hidden);
   Word of[4];
   std::copy_n(own_, 4, of);
-  if (stage == 0) probe_all<0>(enough, n_steps, stop);
-  if (stage == 1) probe_all<1>(enough, n_steps, stop);
-  if (stage == 2) probe_all<2>(enough, n_steps, stop);
+  constexpr int kAll = 3;
+  if (pass < kAll) probe_all<0>(pass, enough, n_steps, stop);
+  if (pass == kAll) probe_all<1>(kAll, enough, n_steps, stop);
+  if (pass > kAll) probe_all<2>(kAll, enough, n_steps, stop);
   counts_.write(hidden, of);
 }
 
+// Far planes first.
 template <int stage>
-void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
-  Index first = 0, last = shape_[1] - 1;
+void LabelTiles::probe_all(int part, Index enough, Index& n_steps, Stop& stop) {
+  Index first = 0, last = shape_[1] - 1, n_waiting = 0;
   for (Index p = 0; p < shape_[1]; ++p) {
-    const Index j = last - low_[1] > low_[1] - first ? last-- : first++;  // far planes first
-    for (Index k = 0; k < shape_[2]; ++k) {
-      if (first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
+    const Index j = last - low_[1] > low_[1] - first ? last-- : first++;
+    const Part::Rows rows = is_flat_ ? kFlatParts[part] : kParts[part].planes[(j - low_[1]) & 3];
+    if (rows.every == 0) continue;
+    const Index low_k = planes_[2 * j], high_k = planes_[2 * j + 1], from = low_[2] + rows.from;
+    for (Index k = from - (from - low_k) / rows.every * rows.every; k <= high_k; k += rows.every) {
+      if (k < low_k || first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
 #ifdef VOXKERNEL_HAS_AVX2
       if (has_avx2) {
         probe_avx2<stage>(j, k);
@@ -255,11 +319,13 @@ void LabelTiles::probe_all(Index enough, Index& n_steps, Stop& stop) {
 #endif
       probe<stage>(j, k);
     }
-    n_steps_ += shape_[2];
     stop.poll(n_steps_);
     n_steps += n_steps_;
+    n_waiting += n_steps_;
     n_steps_ = 0;
-    if (p % kPlanes == kPlanes - 1 && drop(enough)) break;
+    if (n_waiting < kOften) continue;
+    n_waiting = 0;
+    if (drop(enough)) break;
   }
   counts_.settle();
 }

@@ -23,17 +23,19 @@ class LabelTiles {
   static bool is_small(const Crop& crop) { return crop.size() <= kLargest; }
   explicit LabelTiles(const Crop& crop);
 
-  static constexpr int kStages = 3;  // of `bound`
+  static constexpr int kBounds = 5;  // passes of `bound`
 
   // Edges of a tile along the axes of the crop.
   const Index* edges() const { return edges_; }
   // What bounding one tile takes in steps.
   Index n_places() const { return n_places_; }
   // How many voxels of the object are hidden at least from voxel (i, j, k) of the tile with a given lowest voxel, at
-  // `hidden[(i * edge + j) * edge + k]`; anything outside the object. A stage after the first has more probes, for the
-  // voxels where the stage before found at most `enough`. `n_steps` grows by about the places looked at.
-  void bound(int stage, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
-  // How many are, for the voxels where what the last stage found is at most `enough` and that number is, too; a larger
+  // `hidden[(i * edge + j) * edge + k]`: adds to what the passes before found, where that is at most `enough`; 0 before
+  // the first. A voxel goes through all passes in turn, in whatever tile it is: each of the first three looks at a part
+  // of the rows, and what is in a part depends on the distance from the voxel only; the others have more probes of all.
+  // `n_steps` grows by about the places looked at.
+  void bound(int pass, const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
+  // How many are, for the voxels where what the last bound found is at most `enough` and that number is, too; a larger
   // number for others.
   void look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
 
@@ -48,10 +50,12 @@ class LabelTiles {
     static constexpr Index kWaiting = 16;
     Word sums[kLevels][4], waiting[kWaiting][4], fours[kWaiting][4];
     Index n_waiting = 0, n_fours = 0;
+    int n_levels = kLevels;  // what the largest count takes
 
     void clear();
     void settle();
-    void start(Span<const Index> counts, const Word* of);
+    static void settle(Word (*to)[4], Word (*from)[4], Index& n);
+    void start(Span<const Index> counts, Index enough, Word* of);
     void keep_up_to(Index enough, Word* of) const;
     void write(Span<Index> counts, const Word* of) const;
   };
@@ -75,7 +79,7 @@ class LabelTiles {
   void start_at(const Index* low, Index enough, Span<const Index> hidden);
   bool drop(Index enough);
   template <int stage>
-  void probe_all(Index enough, Index& n_steps, Stop& stop);
+  void probe_all(int part, Index enough, Index& n_steps, Stop& stop);
   template <int stage>
   void probe(Index j, Index k);
 #ifdef VOXKERNEL_HAS_AVX2
@@ -100,12 +104,14 @@ class LabelTiles {
   std::vector<Word> seen_;   // of each place, which voxels of the tile at work see what is there; four words
   std::vector<Word> ones_;
   std::vector<std::int32_t> first_, last_;  // places of a row where a tile covers some of the object
+  std::vector<Index> planes_;               // first and last such row of each plane
   std::vector<std::int32_t> probes_[3];     // by how much the places of probes differ for each d along an axis
   SegmentSteps steps_;
   Counts counts_;
   Index low_[3] = {0, 0, 0}, at_ = 0;  // of the tile at work
   Word own_[4] = {0, 0, 0, 0};         // which of its voxels are looked from
   Index n_steps_ = 0, n_places_ = 0;
+  bool is_flat_ = false;
 };
 
 }  // namespace voxkernel

@@ -76,9 +76,10 @@ def label_stars(
     goes on diagonally. V(x) is the share of an object's voxels whose segment to voxel x touches only voxels of the
     object: Werghi's Star(x, S), Definition 2, in voxels. The segment rule is evaluated in integers. It does not depend
     on the spacing. The maximum V* is found by a race of tiles of 256 voxels, a bit for each: from all of them the
-    segments by one offset touch a tile that moves by the same steps. Seven probes of every segment bound what is
-    hidden from each voxel; where less is hidden than from the best so far, whole segments are walked along, unless
-    what is seen nearer to the tile decides. Objects too large for that are cut into blocks: what is hidden from the
+    segments by one offset touch a tile that moves by the same steps. Probes of a part of the segments bound what is
+    hidden from each voxel, then of all, then more probes; where less is hidden than from the best so far, voxels are
+    gathered in new tiles in between, and in the end whole segments are walked along, unless what is seen nearer to the
+    tile decides. Objects too large for that are cut into blocks: what is hidden from the
     middle of a block in the object, widened by half the block, is hidden from the whole block.
 
     Examples

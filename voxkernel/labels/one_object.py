@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, ray_lengths, squared_depths, visible_count
+from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, line_counts, ray_lengths, squared_depths
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
 
@@ -52,21 +52,19 @@ def object_row(
 ) -> ObjectRow:
     """Work on a crop with a layer of background around; `low` is the first voxel of the object's box."""
     flat, n = frame.is_flat, int(np.count_nonzero(crop))
+    centroid, elongation = _moments(crop, frame, stop)
     depths = np.empty(crop.shape)
     squared_depths(crop, flat, np.array(frame.spacing), depths, stop)
-    best, n_seen, upper, deepest, n_deepest, _ = best_voxel(crop, flat, depths, ALWAYS, frame.most_steps, stop)
+    middle = int(np.ravel_multi_index(tuple(centroid), crop.shape))
+    best, n_seen, upper, _, n_deepest, n_centroid, _ = best_voxel(
+        crop, flat, depths, middle, ALWAYS, frame.most_steps, stop
+    )
     del depths
     # From where all is seen, nothing is apart; and no hole: behind the voxel of a hole that is farthest along the axis
     # where it is farthest from the centre, there is a voxel of the object, and the segment to that passes the hole.
     parts = (1, n, 0, 0) if n_seen == n else label_parts(crop, flat, stop)
-    centroid, elongation = _moments(crop, frame)
     center = position_of(best, crop.shape)
     offset = np.array(low) - 1
-    n_centroid = 0
-    if crop[tuple(centroid)]:
-        known = {best: n_seen, deepest: n_deepest}
-        flat_index = int(np.ravel_multi_index(tuple(centroid), crop.shape))
-        n_centroid = known[flat_index] if flat_index in known else visible_count(crop, flat, centroid, stop)
     high = [a + s - 2 for a, s in zip(low, crop.shape, strict=True)]
     touches = [a == 0 or b == m for a, b, m in zip(low, high, frame.shape, strict=True)]
     iou, stepped = _overlaps(crop, center, offset, n, frame, stop)
@@ -82,13 +80,13 @@ def position_of(voxel: int, shape: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array(np.unravel_index(voxel, shape), dtype=np.int64)
 
 
-def _moments(crop: NDArray[np.uint8], frame: ImageFrame) -> tuple[NDArray[np.int64], float]:
+def _moments(crop: NDArray[np.uint8], frame: ImageFrame, stop: StopFlag | None) -> tuple[NDArray[np.int64], float]:
     """The centroid cut to integers, and the ratio of the largest to the smallest standard deviation in the world.
 
     Voxels count as boxes, so that a flat or a straight row of them has a thickness.
     """
-    planes = {(0, 1): crop.sum(2, dtype=np.int64), (0, 2): crop.sum(1, dtype=np.int64)}
-    planes[1, 2] = crop.sum(0, dtype=np.int64)
+    planes = {(a, b): np.empty((crop.shape[a], crop.shape[b]), np.int64) for a, b in ((0, 1), (0, 2), (1, 2))}
+    line_counts(crop, frame.is_flat, planes[0, 1], planes[0, 2], planes[1, 2], stop)
     lines = [planes[0, 1].sum(1), planes[0, 1].sum(0), planes[0, 2].sum(0)]
     places = [np.arange(n, dtype=np.float64) for n in crop.shape]
     n = float(lines[0].sum())
