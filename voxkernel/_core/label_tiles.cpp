@@ -9,7 +9,6 @@
 namespace voxkernel {
 namespace {
 
-using Word = std::uint64_t;
 constexpr Index kBits = 64;
 constexpr Index kLayers = 4;
 constexpr int kProbes[4] = {0, 7, 15, 31};  // before each stage, and all
@@ -34,27 +33,6 @@ constexpr Part kParts[4] = {
 };
 constexpr Part::Rows kFlatParts[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane
 
-// A byte for each of eight bits.
-Word bytes_of(Word bits) {
-  return (((bits * 0x0101010101010101u & 0x8040201008040201u) + 0x7f7f7f7f7f7f7f7fu) >> 7) & 0x0101010101010101u;
-}
-
-struct Four {
-  Word w[4];
-};
-Four four(const Word* at) { return {{at[0], at[1], at[2], at[3]}}; }
-Four both(const Four& a, const Four& b) {
-  return {{a.w[0] & b.w[0], a.w[1] & b.w[1], a.w[2] & b.w[2], a.w[3] & b.w[3]}};
-}
-Four either(const Four& a, const Four& b) {
-  return {{a.w[0] | b.w[0], a.w[1] | b.w[1], a.w[2] | b.w[2], a.w[3] | b.w[3]}};
-}
-Four without(const Four& a, const Four& b) {
-  return {{a.w[0] & ~b.w[0], a.w[1] & ~b.w[1], a.w[2] & ~b.w[2], a.w[3] & ~b.w[3]}};
-}
-bool is_none(const Four& a) { return (a.w[0] | a.w[1] | a.w[2] | a.w[3]) == 0; }
-void store(Word* at, const Four& a) { std::copy(a.w, a.w + 4, at); }
-
 // Where probe p is along a segment, in parts of 32: eighths, then the sixteenths between them, then the rest.
 constexpr Index share_of(int p) {
   return p < kProbes[1] ? 4 * p + 4 : p < kProbes[2] ? 4 * (p - kProbes[1]) + 2 : 2 * (p - kProbes[2]) + 1;
@@ -62,63 +40,6 @@ constexpr Index share_of(int p) {
 // A segment by d >= 0 voxels along an axis is, just before that share of it, so many voxels from its start:
 // ceil(share d / 32 - 1/2).
 constexpr Index probe_at(int p, Index d) { return (share_of(p) * d + 15) / 32; }
-
-// Adds two bits to a sum; what is carried to the next level comes back.
-VOXKERNEL_ALWAYS_INLINE Word add_two(Word& sum, Word a, Word b) {
-  const Word one = sum ^ a, carry = (sum & a) | (one & b);
-  sum = one ^ b;
-  return carry;
-}
-
-// Adds sixteen bits to each of 256 counts.
-VOXKERNEL_ALWAYS_INLINE void add_up(Word (*sums)[4], const Word (*bits)[4]) {
-  Word carries[4];
-  for (int w = 0; w < 4; ++w) {
-    Word ones = sums[0][w], twos = sums[1][w], fours = sums[2][w], eights = sums[3][w];
-    Word eight[2];
-    for (int e = 0; e < 2; ++e) {
-      Word four[2];
-      for (int f = 0; f < 2; ++f) {
-        const int b = 8 * e + 4 * f;
-        const Word a = add_two(ones, bits[b][w], bits[b + 1][w]), c = add_two(ones, bits[b + 2][w], bits[b + 3][w]);
-        four[f] = add_two(twos, a, c);
-      }
-      eight[e] = add_two(fours, four[0], four[1]);
-    }
-    carries[w] = add_two(eights, eight[0], eight[1]);
-    sums[0][w] = ones;
-    sums[1][w] = twos;
-    sums[2][w] = fours;
-    sums[3][w] = eights;
-  }
-  for (int l = 4; (carries[0] | carries[1] | carries[2] | carries[3]) != 0; ++l) {
-    for (int w = 0; w < 4; ++w) {
-      const Word sum = sums[l][w] ^ carries[w];
-      carries[w] &= sums[l][w];
-      sums[l][w] = sum;
-    }
-  }
-}
-
-#ifdef VOXKERNEL_HAS_AVX2
-VOXKERNEL_AVX2 void add_up_avx2(Word (*sums)[4], const Word (*bits)[4]) { add_up(sums, bits); }
-VOXKERNEL_AVX2_INLINE __m256i load_words(const Word* at) {
-  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at));
-}
-VOXKERNEL_AVX2_INLINE void store_words(Word* at, __m256i words) {
-  _mm256_storeu_si256(reinterpret_cast<__m256i*>(at), words);
-}
-VOXKERNEL_AVX2_INLINE __m256i and_all(__m256i a, __m256i b, __m256i c, __m256i d) {
-  return _mm256_and_si256(_mm256_and_si256(a, b), _mm256_and_si256(c, d));
-}
-VOXKERNEL_AVX2_INLINE __m256i add_two(__m256i& sum, __m256i a, __m256i b) {
-  const __m256i one = _mm256_xor_si256(sum, a);
-  const __m256i carry = _mm256_or_si256(_mm256_and_si256(sum, a), _mm256_and_si256(one, b));
-  sum = _mm256_xor_si256(one, b);
-  return carry;
-}
-VOXKERNEL_AVX2_INLINE bool is_none(__m256i words) { return _mm256_testz_si256(words, words) != 0; }
-#endif
 
 }  // namespace
 
@@ -186,83 +107,6 @@ LabelTiles::LabelTiles(const Crop& crop) {
   Index n_voxels = 0;
   for (const std::uint8_t byte : crop.bytes) n_voxels += byte != 0 ? 1 : 0;
   counts_.n_levels = static_cast<int>(highest_bit(static_cast<Word>(n_voxels))) + 1;
-}
-
-void LabelTiles::Counts::clear() {
-  n_waiting = n_fours = 0;
-  for (int l = 0; l < kLevels; ++l) std::fill_n(sums[l], 4, Word{0});
-}
-
-// Adds what waits, so that the sums are the counts.
-void LabelTiles::Counts::settle() {
-  settle(sums, waiting, n_waiting);
-  settle(sums + 2, fours, n_fours);
-}
-
-void LabelTiles::Counts::settle(Word (*to)[4], Word (*from)[4], Index& n) {
-  if (n == 0) return;
-  for (; n < kWaiting; ++n) std::fill_n(from[n], 4, Word{0});
-  n = 0;
-#ifdef VOXKERNEL_HAS_AVX2
-  if (has_avx2) {
-    add_up_avx2(to, from);
-    return;
-  }
-#endif
-  add_up(to, from);
-}
-
-// Starts from the counts of some voxels, those of at most `enough`; leaves out the others.
-void LabelTiles::Counts::start(Span<const Index> counts, Index enough, Word* of) {
-  constexpr Index kAtOnce = 8;
-  Index all = 0;
-  for (Index n = 0; n < kVoxels; n += kAtOnce) {
-    Index own[kAtOnce];
-    Word kept = 0;
-    for (Index v = 0; v < kAtOnce; ++v) {
-      const bool is_kept = counts[n + v] <= enough;
-      own[v] = is_kept ? counts[n + v] : 0;
-      kept |= (is_kept ? Word{1} : 0) << v;
-      all |= own[v];
-    }
-    of[n / kBits] &= kept << (n % kBits) | ~(Word{0xff} << (n % kBits));
-    if (all == 0) continue;
-    for (int l = 0; l < n_levels; ++l) {
-      Word bits = 0;
-      for (Index v = 0; v < kAtOnce; ++v) bits |= static_cast<Word>(own[v] >> l & 1) << v;
-      sums[l][n / kBits] |= bits << (n % kBits);
-    }
-  }
-}
-
-void LabelTiles::Counts::keep_up_to(Index enough, Word* of) const {
-  for (int w = 0; w < 4; ++w) {
-    Word above = 0, equal = ~Word{0};
-    for (int l = n_levels - 1; l >= 0; --l) {
-      const Word is_set = sums[l][w];
-      if ((enough >> l & 1) == 0) above |= equal & is_set;
-      equal &= (enough >> l & 1) == 0 ? ~is_set : is_set;
-    }
-    of[w] &= ~above;
-  }
-}
-
-void LabelTiles::Counts::write(Span<Index> counts, const Word* of) const {
-  constexpr Index kAtOnce = 8;
-  for (Index n = 0; n < kVoxels; n += kAtOnce) {
-    const Word kept = of[n / kBits] >> (n % kBits) & 0xff;
-    if (kept == 0) continue;
-    Word parts[3] = {0, 0, 0};  // eight levels each
-    for (int l = 0; l < n_levels; ++l) {
-      parts[l / kAtOnce] |= bytes_of(sums[l][n / kBits] >> (n % kBits) & 0xff) << (l % kAtOnce);
-    }
-    for (Index v = 0; v < kAtOnce; ++v) {
-      if ((kept >> v & 1) == 0) continue;
-      const int by = static_cast<int>(v * kAtOnce);
-      counts[n + v] =
-          static_cast<Index>((parts[0] >> by & 0xff) | (parts[1] >> by & 0xff) << 8 | (parts[2] >> by & 0xff) << 16);
-    }
-  }
 }
 
 void LabelTiles::stand_at(const Index* low) {
@@ -349,10 +193,7 @@ void LabelTiles::probe(Index j, Index k) {
     for (int p = kProbes[stage]; p < kProbes[stage + 1]; ++p) seen = both(seen, four(probed[p] + probes_i[p]));
     const Four hidden = without(wanted, seen);
     store(counts_.waiting[counts_.n_waiting], hidden);
-    if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
-      add_up(counts_.sums, counts_.waiting);
-      counts_.n_waiting = 0;
-    }
+    if (!is_none(hidden)) counts_.count_waiting();
   }
   n_steps_ += last + 1 - first;
 }
@@ -398,10 +239,7 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* co
   store_words(counts_.sums[0], ones);
   store_words(counts_.sums[1], twos);
   store_words(counts_.fours[counts_.n_fours], carry);
-  if (!is_none(carry) && ++counts_.n_fours == Counts::kWaiting) {
-    add_up_avx2(counts_.sums + 2, counts_.fours);
-    counts_.n_fours = 0;
-  }
+  if (!is_none(carry)) counts_.count_fours();
 }
 
 // The places of a period.
@@ -587,10 +425,7 @@ void LabelTiles::look_at(const Row& row) {
         for (int w = 0; w < 4; ++w) last.w[w] |= seen.w[w];
         const Four hidden = without(passed, seen);
         store(counts_.waiting[counts_.n_waiting], hidden);
-        if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
-          add_up(counts_.sums, counts_.waiting);
-          counts_.n_waiting = 0;
-        }
+        if (!is_none(hidden)) counts_.count_waiting();
       }
     }
     store(seen_.data() + 4 * at, last);
@@ -662,10 +497,7 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
         last = _mm256_or_si256(sure, seen);
         const __m256i hidden = _mm256_andnot_si256(seen, passed);
         store_words(counts_.waiting[counts_.n_waiting], hidden);
-        if (!is_none(hidden) && ++counts_.n_waiting == Counts::kWaiting) {
-          add_up_avx2(counts_.sums, counts_.waiting);
-          counts_.n_waiting = 0;
-        }
+        if (!is_none(hidden)) counts_.count_waiting();
       }
     }
     store_words(seen_at, last);

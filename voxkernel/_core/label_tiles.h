@@ -9,6 +9,7 @@
 #include "label_segments.h"
 #include "spans.h"
 #include "stop.h"
+#include "tile_counts.h"
 
 namespace voxkernel {
 
@@ -17,7 +18,7 @@ namespace voxkernel {
 // be 1.
 class LabelTiles {
  public:
-  static constexpr Index kVoxels = 256;
+  static constexpr Index kVoxels = TileCounts::kVoxels;
 
   // Whether the crop is small enough for forty bytes a voxel.
   static bool is_small(const Crop& crop) { return crop.size() <= kLargest; }
@@ -40,25 +41,8 @@ class LabelTiles {
   void look(const Index* low, Index enough, Span<Index> hidden, Index& n_steps, Stop& stop);
 
  private:
-  using Word = std::uint64_t;
   static constexpr Index kLargest = Index{1} << 20;
-  static constexpr int kLevels = 24;  // bits of a count
 
-  // Counts of 256 voxels, a level for each bit of them; what is added waits until there are sixteen, so do
-  // fours.
-  struct Counts {
-    static constexpr Index kWaiting = 16;
-    Word sums[kLevels][4], waiting[kWaiting][4], fours[kWaiting][4];
-    Index n_waiting = 0, n_fours = 0;
-    int n_levels = kLevels;  // what the largest count takes
-
-    void clear();
-    void settle();
-    static void settle(Word (*to)[4], Word (*from)[4], Index& n);
-    void start(Span<const Index> counts, Index enough, Word* of);
-    void keep_up_to(Index enough, Word* of) const;
-    void write(Span<Index> counts, const Word* of) const;
-  };
   // Places of a tile in a row, from the nearest to the one at work outwards.
   struct Row {
     Index at, n, step;     // the first, how many, from one to the next
@@ -107,7 +91,7 @@ class LabelTiles {
   std::vector<Index> planes_;               // first and last such row of each plane
   std::vector<std::int32_t> probes_[3];     // by how much the places of probes differ for each d along an axis
   SegmentSteps steps_;
-  Counts counts_;
+  TileCounts counts_;
   Index low_[3] = {0, 0, 0}, at_ = 0;  // of the tile at work
   Word own_[4] = {0, 0, 0, 0};         // which of its voxels are looked from
   Index n_steps_ = 0, n_places_ = 0;
