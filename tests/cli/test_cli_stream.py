@@ -27,7 +27,7 @@ def said(capsys, *words):
     [
         ["kernel"], ["kernel", "--threads", "2"], ["kernel", "--depth", "5"], ["score"], ["center"],
         ["center", "--visible"],
-    ],  # fmt: skip
+    ],
 )
 def test_answers_are_those_of_memory(star, command, capsys):
     name, *options = command
