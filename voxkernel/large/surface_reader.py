@@ -10,6 +10,7 @@ from functools import partial
 from operator import or_
 from time import perf_counter
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,16 +153,20 @@ class SurfaceReader:
         facts = self._kept.get("facts")
         known = facts if isinstance(facts, StreamFacts) else None
         total = self._source.n_facets if known is None else known.n_facets
-        start, done = perf_counter(), 0
+        start, done, mark = perf_counter(), 0, 0
         for number, piece in enumerate(self._source.pieces(self.chunk_facets)):
             yield Part(Place(number, done, done if known is None else known.planes_before(done)), piece)
             done += piece.n_facets
+            if isinstance(piece, Chunk) and piece.n_facets:  # files are watched instead
+                mark = crc32(piece.corners[0].tobytes(), crc32(piece.corners[-1].tobytes(), mark))
             self._tell(StreamProgress(stage, done, total, perf_counter() - start))
         if known is not None and done != known.n_facets:
             raise MeshError(
                 f"`source` must give the same facets in every pass; got {done} after {known.n_facets} "
                 "(give a function that starts anew)"
             )
+        if self._kept.setdefault("mark", mark) != mark:
+            raise MeshError("`source` must give the same facets in every pass; got others than in the first")
 
     def note(self, stage: str, text: str) -> None:
         """Tell the caller something about the surface."""
