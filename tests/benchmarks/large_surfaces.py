@@ -1,7 +1,7 @@
 """Streamed surfaces of 10,000 to 30 million facets: CPU time, peak of memory and of addresses, each in a process.
 
-Run with `python tests/benchmarks/large_surfaces.py growth empty formats others --folder TMP --json FILE`; the files are
-made by formula (`write_ball` of `tests/streams.py`) in a folder of their own, which is removed.
+Run with `python tests/benchmarks/large_surfaces.py growth empty formats others defect --folder TMP --json FILE`; the
+files are made by formula (`write_ball` of `tests/streams.py`) in a folder of their own, which is removed.
 """
 
 import argparse
@@ -98,6 +98,7 @@ def cases(names, folder):
     if "others" in names:
         for what in ("voxels", "violation", "score", "center"):
             yield f"{what}, 10M", ball(folder, "10M"), what, 0
+    if "defect" in names:
         for what in ("center", "score", "detail"):
             yield f"{what}, empty kernel, 10M", ball(folder, "10M", 2.0), what, 0
 
@@ -105,7 +106,7 @@ def cases(names, folder):
 def main():
     """Run what is named, print and write rows."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("names", nargs="+", choices=("growth", "empty", "formats", "others"))
+    parser.add_argument("names", nargs="+", choices=("growth", "empty", "formats", "others", "defect"))
     parser.add_argument("--folder")
     parser.add_argument("--json")
     arguments = parser.parse_args()
