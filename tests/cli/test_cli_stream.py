@@ -25,7 +25,11 @@ def said(capsys, *words):
 @pytest.mark.parametrize(
     "command",
     [
-        ["kernel"], ["kernel", "--threads", "2"], ["kernel", "--depth", "5"], ["score"], ["center"],
+        ["kernel"],
+        ["kernel", "--threads", "2"],
+        ["kernel", "--depth", "5"],
+        ["score"],
+        ["center"],
         ["center", "--visible"],
     ],
 )

@@ -34,8 +34,7 @@ def flatten_polygons(polygons: Any) -> tuple[NDArray[np.int64], NDArray[np.int64
         return rows.reshape(-1), np.full(len(rows), rows.shape[1], dtype=np.int64)
     if not isinstance(polygons, Sequence | np.ndarray):
         raise TypeError(
-            "`polygons` must be a sequence of index sequences or an (m, k) array; "
-            f"got {type(polygons).__name__}"
+            f"`polygons` must be a sequence of index sequences or an (m, k) array; got {type(polygons).__name__}"
         )
     try:
         sizes = np.fromiter(map(len, polygons), dtype=np.int64, count=len(polygons))
