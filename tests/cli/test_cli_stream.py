@@ -23,7 +23,15 @@ def said(capsys, *words):
 
 
 @pytest.mark.parametrize(
-    "command", [["kernel"], ["kernel", "--threads", "2"], ["kernel", "--depth", "5"], ["score"], ["center"]]
+    "command",
+    [
+        ["kernel"],
+        ["kernel", "--threads", "2"],
+        ["kernel", "--depth", "5"],
+        ["score"],
+        ["center"],
+        ["center", "--visible"],
+    ],
 )
 def test_answers_are_those_of_memory(star, command, capsys):
     name, *options = command
@@ -59,7 +67,7 @@ def test_a_note_says_that_most_facets_stay(tmp_path, capsys):
         (["kernel", "x.ply", "--stream", "--picture", "x.png"], "--picture must not be given with --stream"),
         (["kernel", "x.ply", "--scheduler", "tcp://x:1"], "--scheduler must be given with --stream and without a"),
         (["kernel", "x.ply", "--stream", "--scheduler", "tcp://x:1", "--depth", "5"], "--scheduler must be given with"),
-        (["center", "x.ply", "--stream", "--visible"], "--visible and --profile must not be given with --stream"),
+        (["center", "x.ply", "--stream", "--profile"], "--profile must not be given with --stream"),
     ],
 )
 def test_what_wants_the_mesh_is_refused(words, message, capsys):

@@ -105,3 +105,21 @@ def test_arrays_are_not_converted(cube):
             run(cube, points, **wrong)
     with pytest.raises(TypeError, match="incompatible function arguments"):
         faces_away(np.zeros((3, 3)), np.zeros((1, 3), np.int32), np.zeros(3))
+
+
+def test_few_points_and_more_planes_than_a_block(rng):
+    """Of few points planes are taken a block at a time: the sums are those of many points at once."""
+    mesh = voxkernel.as_mesh(shapes.spiky(6))
+    assert len(mesh.faces) > 2 * 8192
+    planes, v = weigh(HalfSpaces.from_mesh(mesh)), mesh.vertices
+    middles = v[mesh.faces[:: len(mesh.faces) // 20]].mean(axis=1)
+    points = np.ascontiguousarray(np.concatenate([v[:20], middles, rng.normal(size=(20, 3))]))
+    many = run(planes, points)[2]
+    for n in (1, 2, 12):
+        few = [run(planes, points[first : first + n])[2] for first in range(0, len(points), n)]
+        np.testing.assert_array_equal(np.concatenate(few), many)
+    pairs = run(planes, points[:1], by_expansions=False)[0]
+    assert len(pairs) > 0
+    assert {tuple(pair) for pair in pairs} <= {(0, row) for row in range(len(planes.weights))}
+    at_corner = (planes.facets.corner_ids() == 0).any(axis=1)
+    assert set(np.flatnonzero(at_corner)) <= set(pairs[:, 1])

@@ -22,6 +22,7 @@ from voxkernel.cli import main as cli
 from voxkernel.evaluation import PROFILE_TOLERANCES, EvaluateSettings, EvaluationProgress, evaluate, file_stamp, resume
 from voxkernel.evaluation.analysis import analyse
 from voxkernel.evaluation.inputs import Item, Labels, content_hash, count_suffixes, find_items, labelled, read_labels
+from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.settings import FEW, for_files, settings_hash
 from voxkernel.evaluation.worker import run_batch
 from voxkernel.run_index import open_index
@@ -467,7 +468,7 @@ def resumed_run(tmp_path, rows, **settings):
     run_table.write_part(fs, path, rows)
     items = [Item(row["file"], row["file"]) for row in rows]
     with closing(open_index(fs, path, resume.COLUMNS)) as index:
-        found = resume.resumed(items, index, EvaluateSettings(**settings))
+        found = resume.resumed(items, index, EvaluateSettings(**settings), LaterStamps(fs, path))
     return [os.path.basename(item.name) for item in found.fresh]
 
 
@@ -492,6 +493,45 @@ def test_files_that_are_as_they_were_are_not_read(tmp_path, stamped):
     files[4].unlink()
     assert resumed_run(tmp_path, rows) == ["2.ply", "3.ply", "4.ply"]
     assert sorted(read) == ["1.ply", "2.ply", "3.ply", "4.ply"]
+
+
+@POSIX
+@pytest.mark.parametrize("how", ["copied", "old rows"])
+def test_files_found_equal_by_hash_are_hashed_once(tmp_path, stamped, how):
+    """Copied files and rows without stamps: the stamps of now are kept beside the rows, until a file changes."""
+    files, rows, read = stamped
+    if how == "old rows":
+        rows = [{k: v for k, v in row.items() if k not in file_stamp.STAMP_COLUMNS} for row in rows]
+    else:
+        for file in files:
+            shutil.copy(file, tmp_path / "other")
+            os.replace(tmp_path / "other", file)
+    assert resumed_run(tmp_path, rows) == []
+    assert sorted(read) == [file.name for file in files]
+    read.clear()
+    before = (tmp_path / "run" / "stamps.parquet").stat().st_mtime_ns
+    assert resumed_run(tmp_path, rows) == []
+    assert read == []
+    assert (tmp_path / "run" / "stamps.parquet").stat().st_mtime_ns == before  # nothing new, nothing written
+    time.sleep(0.05)
+    os.utime(files[1])  # as it was
+    data = files[2].read_bytes()
+    files[2].write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    assert resumed_run(tmp_path, rows) == ["2.ply"]
+    assert read == ["1.ply", "2.ply"]
+    files[2].write_bytes(data)
+    read.clear()
+    assert resumed_run(tmp_path, rows) == []
+    assert read == ["2.ply"]
+    rows[3]["content_hash"] = "another"  # of a file that was computed again: its stamp of before says nothing
+    read.clear()
+    assert resumed_run(tmp_path, rows) == ["3.ply"]
+    assert read == ["3.ply"]
+    (tmp_path / "run" / "stamps.parquet").write_bytes(b"broken")
+    rows[3]["content_hash"] = rows[0]["content_hash"]
+    read.clear()
+    assert resumed_run(tmp_path, rows) == []
+    assert len(read) == 5
 
 
 @POSIX

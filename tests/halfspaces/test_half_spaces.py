@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import voxkernel
 from voxkernel.errors import MeshError
-from voxkernel.halfspaces import HalfSpaces
+from voxkernel.halfspaces import HalfSpaces, find_feasibility
 
 
 def halfspaces_of(surface):
@@ -165,3 +165,16 @@ def test_sizes_beyond_volumes_are_an_error(factor):
 )
 def test_bounds_volume(surface, closed):
     assert halfspaces_of(surface).bounds_volume is closed
+
+
+def test_planes_for_signs_are_those_for_all():
+    planes = HalfSpaces.from_mesh(voxkernel.as_mesh(shapes.cube()))
+    full = planes.with_planes([[1, 0, 0]], [-9.0])
+    bare = planes.signs_with_planes([[1, 0, 0]], [-9.0])
+    for name in ("local_normals", "local_offsets", "local_errors", "_corners", "_explicit"):
+        np.testing.assert_array_equal(getattr(bare, name), getattr(full, name))
+    assert bare.weights.shape == bare.facet_ids.shape == (len(full),)
+    assert not bare.weights.any()
+    one, other = find_feasibility(full), find_feasibility(bare)
+    assert one.dimension == other.dimension == -1
+    assert one.witnesses[0].ids == other.witnesses[0].ids

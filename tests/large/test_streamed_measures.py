@@ -58,9 +58,40 @@ def test_a_cube_of_many_facets_is_convex():
     assert len(score.certificate.halfspaces) < 300  # one facet of each side, and the first working set
 
 
-def test_detail_is_refused():
-    with pytest.raises(ValueError, match="`detail` must be False for a stream, as rays need all of it at once; got"):
-        voxkernel.starshapeness(voxkernel.stream_mesh(STAR), detail=True)
+def test_guards_are_refused():
+    with pytest.raises(ValueError, match="`detail` must be True or False for a stream, as guards need all of it"):
+        voxkernel.starshapeness(voxkernel.stream_mesh(STAR), detail="guards")
+
+
+DETAILED = {
+    "star": STAR, "rooms": shapes.two_boxes(), "torus": shapes.torus(), "open": shapes.open_box(), "spiky": SPIKY,
+    "inwards": shapes.inside_out_cube(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DETAILED)
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_detail(name, chunk):
+    """Rays and relaxed kernels of a stream are those in memory; its blocks do not depend on the chunks."""
+    mesh = DETAILED[name]
+    surface = voxkernel.stream_mesh(mesh, chunk_facets=chunk)
+    found, whole = (voxkernel.starshapeness(s, detail=True, gap=1e-2).to_dict() for s in (surface, mesh))
+    # The volume of a hull of hulls is rounded in another order.
+    shares, expected = (score["profile"].pop("volume_share_bounds") for score in (found, whole))
+    np.testing.assert_allclose(shares, expected, rtol=1e-12)
+    assert found == whole
+
+
+@pytest.mark.parametrize("block", [50, 64, 1000])
+@pytest.mark.parametrize("name", ["rooms", "torus", "spiky", "open"])
+def test_rays_ask_block_by_block(name, block, monkeypatch):
+    """The same spots, and of each ray the nearest hit of all blocks: the same share."""
+    mesh, points = DETAILED[name], np.concatenate([POINTS[:4], [[0.5, 0.5, 0.5], [2.0, 0.0, 0.1]]])
+    monkeypatch.setattr("voxkernel.large.surface_reader.BLOCK", block)
+    for point in points:
+        found = voxkernel.visible_fraction(voxkernel.stream_mesh(mesh, chunk_facets=77), point, n_samples=3000, rng=5)
+        whole = voxkernel.visible_fraction(mesh, point, n_samples=3000, rng=5)
+        assert found.to_dict() == whole.to_dict()
 
 
 def test_an_empty_kernel_has_a_center():

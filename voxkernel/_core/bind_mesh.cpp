@@ -1,9 +1,16 @@
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
 #include <cstdint>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "bind.h"
 #include "boundary_loops.h"
 #include "duplicate_facets.h"
+#include "polygon_cuts.h"
 #include "surface_edges.h"
 #include "triangle_sums.h"
 
@@ -16,6 +23,24 @@ nb::tuple loops_of(Array2<const Index, 3> faces, Index n_vertices, Array1<const 
   Loops<Id> loops;
   without_lock([&](Stop& stop) { find_boundary_loops<Id>(rows(faces), n_vertices, span(border), loops, stop); });
   return nb::make_tuple(take_array(loops.vertices), take_array(loops.starts));
+}
+
+Array2<Index, 3> take_rows(GrowingArray<Index>& values) {
+  const auto n = static_cast<std::size_t>(values.size()) / 3;
+  Index* data = values.release();
+  nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
+  return Array2<Index, 3>(data, {n, 3}, owner);
+}
+
+auto cuts_of(Points points, Indices flat, Indices sizes, int exponent, double rtol) {
+  PolygonCuts cuts = without_lock([&](Stop& stop) { return PolygonCuts(points, flat, sizes, exponent, rtol, stop); });
+  std::vector<std::tuple<Index, Index, Index, Index, std::array<double, 3>>> unfanned;
+  for (const Unfanned& one : cuts.unfanned) {
+    unfanned.emplace_back(one.polygon, one.corner, one.triangle, one.plane, one.newell);
+  }
+  return std::make_tuple(to_rows<3>(std::move(cuts.triangles)), to_array(std::move(cuts.facet_ids)),
+                         take_rows(cuts.plane_corners), take_array(cuts.plane_facets), take_array(cuts.plane_areas),
+                         take_array(cuts.nonplanar), std::move(unfanned));
 }
 
 }  // namespace
@@ -73,9 +98,24 @@ void bind_mesh(nb::module_& m) {
       },
       array("vertices"), array("triangles"), array("base"), nb::arg("unit"),
       "Area; first, second and third moments about `base` of triangles taken as points in their middles, and second "
-      "ones "
-      "of their corners, each with the area of its triangle. In a unit that is a power of two; each product of "
+      "ones of their corners, each with the area of its triangle. In a unit that is a power of two; each product of "
       "coordinates once, in lexical order.");
+  m.def(
+      "cut_polygons",
+      [](Array2<const double, 3> points, Array1<const Index> flat, Array1<const Index> sizes, int exponent,
+         double rtol) { return cuts_of(rows(points), span(flat), span(sizes), exponent, rtol); },
+      array("points"), array("flat"), array("sizes"), nb::arg("exponent"), nb::arg("rtol"),
+      "Triangles and their facets; planes as corners, facets and areas; facets that are not planar; and of those "
+      "without "
+      "a fan the facet, its first corner, triangle and plane (-1: planar) and the area vector.");
+  m.def(
+      "fill_triangle_areas",
+      [](Array2<const double, 3> points, Array2<const Index, 3> corners, int exponent, Array1<double> areas) {
+        without_lock(
+            [&](Stop& stop) { fill_triangle_areas(rows(points), rows(corners), exponent, span(areas), stop); });
+      },
+      array("points"), array("corners"), nb::arg("exponent"), array("areas"),
+      "Fill the areas that are negative with those of triangles.");
 }
 
 }  // namespace voxkernel

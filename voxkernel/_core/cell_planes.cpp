@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "polygon_spread.h"
+
 namespace voxkernel {
 namespace {
 
-// Beyond so many corners `from_polygons` does not look at all pairs, and a loop over them takes too long.
-constexpr Index kMany = 256;
 // Relative; polygons so near a threshold of `from_polygons` are left to it.
 constexpr double kGuard = 1e-3;
 
@@ -65,46 +65,6 @@ void sort(Index* first, Index* last) {
     for (; p > first && p[-1] > key; --p) *p = p[-1];
     *p = key;
   }
-}
-
-// The diameter of a polygon, the corner farthest from it, and the squares of the diameter and of twice the triangle's
-// area, rounded as `from_polygons` does.
-struct Spread {
-  Index i, j, far;
-  double best, square;
-};
-Spread spread_corners(const double* x, const double* y, const double* z, Index size, Stop& stop) {
-  Spread spread{0, 1, 0, -1.0, -1.0};
-  for (Index shift = 1; shift <= size / 2; ++shift) {
-    stop.poll(size);
-    double top = -1.0;
-    Index at = 0;
-    for (Index k = 0; k < size; ++k) {
-      const double u = x[k] - x[k + shift], v = y[k] - y[k + shift], w = z[k] - z[k + shift];
-      const double square = u * u + w * w + v * v;
-      if (square > top) {
-        top = square;
-        at = k;
-      }
-    }
-    if (top > spread.best) {
-      spread.best = top;
-      spread.i = at;
-      spread.j = at + shift < size ? at + shift : at + shift - size;
-    }
-  }
-  const Index i = spread.i, j = spread.j;
-  const double ux = x[j] - x[i], uy = y[j] - y[i], uz = z[j] - z[i];
-  for (Index k = 0; k < size; ++k) {
-    const double vx = x[k] - x[i], vy = y[k] - y[i], vz = z[k] - z[i];
-    const double cx = uy * vz - uz * vy, cy = uz * vx - ux * vz, cz = ux * vy - uy * vx;
-    const double square = cx * cx + cz * cz + cy * cy;
-    if (square > spread.square) {
-      spread.square = square;
-      spread.far = k;
-    }
-  }
-  return spread;
 }
 
 }  // namespace
@@ -170,7 +130,7 @@ bool PolygonPlanes::add(Points points, Indices ring, double rtol, Index& apex, S
     push(ring[0], ring[1], ring[2], 0.0);
     return true;
   }
-  if (size > kMany) return false;
+  if (size > kMostPairedCorners) return false;
   if (static_cast<Index>(x_.size()) < 2 * size) {
     for (auto* values : {&x_, &y_, &z_}) values->resize(2 * size);
   }

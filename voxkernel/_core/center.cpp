@@ -64,7 +64,7 @@ class CenterSearch {
   bool is_over() const { return cells_left() <= 0 || planes_left() <= 0; }
 
   // The cells that violate least; `most_taken_` is what the last of them violates.
-  std::vector<Waiting> take() {
+  WaitingCells take() {
     const Index limit = CellDivider::enough(search_, found_.best);
     const auto closed =
         std::partition(waiting_.begin(), waiting_.end(), [&](const Waiting& c) { return c.sure < limit; });
@@ -78,7 +78,7 @@ class CenterSearch {
     most_taken_ = last->sure;
     const auto rest =
         std::partition(waiting_.begin(), waiting_.end(), [&](const Waiting& c) { return c.sure <= most_taken_; });
-    std::vector<Waiting> taken(waiting_.begin(), rest);
+    WaitingCells taken(waiting_.begin(), rest);
     waiting_.erase(waiting_.begin(), rest);
     put_back_what_is_too_much(taken);
     std::sort(taken.begin(), taken.end(), [](const Waiting& a, const Waiting& b) { return a.path() < b.path(); });
@@ -86,7 +86,7 @@ class CenterSearch {
   }
 
   // Leaves as many as may still be looked at, those that violate least, at least one.
-  void put_back_what_is_too_much(std::vector<Waiting>& taken) {
+  void put_back_what_is_too_much(WaitingCells& taken) {
     Index cells = 0, planes = 0;
     const auto is_too_much = [&](const Waiting& cell) {
       cells += 8;
@@ -104,7 +104,7 @@ class CenterSearch {
   }
 
   // Divides cells, and what of them violates no more than the last of them.
-  void divide(const std::vector<Waiting>& taken, bool is_straight) {
+  void divide(const WaitingCells& taken, bool is_straight) {
     if (taken.empty()) return;
     const auto n = static_cast<Index>(taken.size());
     const Round round{found_.best,
@@ -157,7 +157,7 @@ class CenterSearch {
   double blur_;
   Search search_;
   std::vector<std::unique_ptr<CellDivider>> dividers_;
-  std::vector<Waiting> waiting_;
+  WaitingCells waiting_;
   Index most_taken_ = -1;
   Index n_planes_ = 0;  // looked at, once for each cell
   Least found_;

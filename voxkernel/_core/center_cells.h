@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <tuple>
 #include <utility>
@@ -52,6 +53,9 @@ struct Waiting {
   Path path() const { return {high, low, n}; }
 };
 
+// Many, in small blocks: to grow moves none of them, and blocks that are given back serve again.
+using WaitingCells = std::deque<Waiting>;
+
 // What the cells of one round are divided by. None of it changes before all are, so that it does not matter which
 // thread divides which, nor in which order.
 struct Round {
@@ -71,7 +75,7 @@ struct Outcome {
   double open_cell[4] = {};
   Index lower = kNone;  // of what was closed
   Index n_cells = 0, n_planes = 0;
-  std::vector<Waiting> waiting;
+  WaitingCells waiting;
 
   void add(Outcome&& other);
 };

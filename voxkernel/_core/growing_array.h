@@ -25,6 +25,10 @@ class GrowingArray {
     if (size_ == room_) resize_room(std::max(kLeast, room_ + room_ / 2));
     data_[size_++] = value;
   }
+  // Room for so many, which takes memory only as far as it is filled.
+  void reserve(Index room) {
+    if (room > room_) resize_room(room);
+  }
   Index size() const { return size_; }
   T& operator[](Index i) {
     check_bound(i, size_);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scaling.h"
+
 namespace voxkernel {
 
 namespace {
@@ -23,11 +25,11 @@ struct Corners {
       }
     }
   }
-  // Every coordinate less `base`, times both factors.
-  void move(const std::array<double, 3>& base, double factor, double again, Index n) {
+  // Every coordinate becomes `moved(axis, coordinate)`.
+  template <typename Moved>
+  void move(Index n, Moved&& moved) {
     for (int column = 0; column < 9; ++column) {
-      const double start = base[column % 3];
-      for (Index i = 0; i < n; ++i) columns[column][i] = (columns[column][i] - start) * factor * again;
+      for (Index i = 0; i < n; ++i) columns[column][i] = moved(column % 3, columns[column][i]);
     }
   }
   // From differences of corners.
@@ -72,14 +74,13 @@ void count(TriangleMoments& sums, double area, double x, double y, double z) {
 }  // namespace
 
 void triangle_areas(Points vertices, Triangles triangles, int exponent, Span<double> areas, Stop& stop) {
-  // In two steps, because one factor can lie beyond floating point.
-  const double half = std::ldexp(1.0, -(exponent / 2)), rest = std::ldexp(1.0, -(exponent - exponent / 2));
+  const Scaling scaled(exponent);
   Corners corners;
   for (Index first = 0; first < triangles.size(); first += kStretch) {
     const Index n = std::min(kStretch, triangles.size() - first);
     stop.poll(n);
     corners.fetch(vertices, triangles, first, n);
-    corners.move({}, half, rest, n);
+    corners.move(n, [&](int, double x) { return scaled(x); });
     corners.areas(areas.part(first, first + n).data(), n);
   }
 }
@@ -88,12 +89,13 @@ TriangleMoments triangle_moments(Points vertices, Triangles triangles, const std
                                  Stop& stop) {
   Corners corners;
   std::array<double, kStretch> areas;
+  const double factor = 1.0 / unit;
   TriangleMoments total, block;
   for (Index first = 0; first < triangles.size(); first += kStretch) {
     const Index n = std::min(kStretch, triangles.size() - first);
     stop.poll(n);
     corners.fetch(vertices, triangles, first, n);
-    corners.move(base, 1.0 / unit, 1.0, n);
+    corners.move(n, [&](int axis, double x) { return (x - base[axis]) * factor; });
     corners.areas(areas.data(), n);
     const auto& c = corners.columns;
     for (Index i = 0; i < n; ++i) {

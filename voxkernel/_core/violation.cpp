@@ -3,6 +3,7 @@
 // of a plane are decided with expansions. Weights are integers.
 #include "violation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -15,6 +16,7 @@ namespace voxkernel {
 namespace {
 
 constexpr Index kLeafPoints = 12;
+constexpr Index kBlockOfPlanes = 8192;  // of few points, which are not divided: no more planes are copied at a time
 constexpr double kUnit = 0x1p-53;
 
 struct FacetView {
@@ -229,13 +231,22 @@ class Divided {
         by_expansions_(by_expansions),
         order_(order),
         sums_(sums),
-        list_(3 * planes.offsets.size() + 1024),
+        is_divided_(order.size() > kLeafPoints),
+        list_(3 * (is_divided_ ? planes.offsets.size() : std::min(kBlockOfPlanes, planes.offsets.size())) + 1024),
         stop_(stop) {}
 
   std::vector<Index> run() {
-    const Index n = planes_.offsets.size();
-    take();
-    if (order_.size() > 0) parts_.push_back({0, order_.size(), 0, n, 0});
+    const Index n = planes_.offsets.size(), step = is_divided_ ? n : kBlockOfPlanes;
+    for (const Index point : order_) sums_[point] = 0;
+    for (Index first = 0; first < n && order_.size() > 0; first += step) weigh_points(first, std::min(first + step, n));
+    return std::move(open_pairs_);
+  }
+
+ private:
+  // Adds what the points violate of the planes first..last.
+  void weigh_points(Index first, Index last) {
+    take(first, last);
+    parts_.push_back({0, order_.size(), 0, last - first, 0});
     while (!parts_.empty()) {
       Part part = parts_.back();
       parts_.pop_back();
@@ -252,21 +263,20 @@ class Divided {
       }
       for (Index j = part.lower; j < part.upper; ++j) weigh_point(order_[j], part);
     }
-    return std::move(open_pairs_);
   }
 
- private:
-  void take() {
+  void take(Index first, Index last) {
     const FacetView p = list_.view();
-    for (Index i = 0; i < planes_.offsets.size(); ++i) {
+    for (Index i = first; i < last; ++i) {
+      const Index at = i - first;
       const double* a = planes_.normals[i];
-      p.x[i] = a[0];
-      p.y[i] = a[1];
-      p.z[i] = a[2];
-      p.offset[i] = planes_.offsets[i];
-      p.error[i] = planes_.errors[i] + 4.0 * kUnit;
-      p.weight[i] = planes_.weights[i];
-      p.row[i] = i;
+      p.x[at] = a[0];
+      p.y[at] = a[1];
+      p.z[at] = a[2];
+      p.offset[at] = planes_.offsets[i];
+      p.error[at] = planes_.errors[i] + 4.0 * kUnit;
+      p.weight[at] = planes_.weights[i];
+      p.row[at] = i;
     }
   }
 
@@ -285,7 +295,7 @@ class Divided {
     Place place{points_.local[0][point], points_.local[1][point], points_.local[2][point], 0.0};
     place.extent = std::abs(place.x) + std::abs(place.y) + std::abs(place.z) + 1.0;
     const PointWeight weight = point_weight(p, part.first, part.last, place);
-    sums_[point] = part.certain + weight.certain;
+    sums_[point] += part.certain + weight.certain;
     if (!weight.is_near) return;
     for (Index t = part.first; t < part.last; ++t) {
       const double s = (p.x[t] * place.x + p.y[t] * place.y + p.z[t] * place.z) - p.offset[t];
@@ -311,6 +321,7 @@ class Divided {
   const FacetPlanes& planes_;
   bool by_expansions_;
   Span<Index> order_, sums_;
+  bool is_divided_;
   FacetList list_;
   std::vector<Part> parts_;
   std::vector<Index> open_pairs_;

@@ -54,8 +54,8 @@ def run(args: argparse.Namespace) -> int:
     """Search, print, write."""
     output = None if args.output is None else check_output(args.output, (".json",))
 
-    if args.stream and (args.visible or args.profile):
-        raise UsageError("--visible and --profile must not be given with --stream: they want the mesh in memory")
+    if args.stream and args.profile:
+        raise UsageError("--profile must not be given with --stream: it wants the mesh in memory")
 
     from voxkernel.mesh import as_mesh
     from voxkernel.relaxed import best_center

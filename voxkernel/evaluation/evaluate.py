@@ -17,6 +17,7 @@ from voxkernel.evaluation.cluster import connected
 from voxkernel.evaluation.dispatch import Dispatcher
 from voxkernel.evaluation.inputs import BadInput, Item, count_suffixes, find_items, labelled, read_labels
 from voxkernel.evaluation.label_parts import in_parts
+from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.resume import COLUMNS as RESUMED
 from voxkernel.evaluation.resume import count_rows, resumed
@@ -129,8 +130,8 @@ def evaluate(
     Rows are on disk about a second after they were computed, in Parquet parts that appear whole or not at all. A row
     is computed again when the SHA-256 of its file, the settings that decide what is in it, or the version of this
     library is another; failed ones only with `retry_failed`. A file whose size, times of modification and change, and
-    inode are those in its row is not read for that, unless with `rehash`. Rows of files that are not given this time
-    stay.
+    inode are those in its row, or those it had when it was last found the same, is not read for that, unless with
+    `rehash`. Rows of files that are not given this time stay.
 
     One process writes to a run at a time: a lock on the folder sees to it, which the system frees when the process
     ends, however it ends. Object stores have no such lock. The worker processes of this machine talk over TLS with
@@ -180,7 +181,7 @@ def run_evaluation(
             run_table.remove_unfinished(run_path)
         store = RunStore(run)
         with closing(store.compact(RESUMED)) as index:
-            before = resumed(items, index, settings)
+            before = resumed(items, index, settings, LaterStamps(store.fs, store.path))
             store.replace(index, before.places, before.labels)
         run_table.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
         counts = _Counts(len(items), before.n_reused, before.n_failed, progress, store)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, are_untouched
+from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, FileStamp, are_untouched, stamp_of
 from voxkernel.evaluation.inputs import Item, content_hash
+from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash
 from voxkernel.run_index import RunIndex
 
@@ -22,6 +23,7 @@ __all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
 COLUMNS = ("label", "status", "n_objects", "view", *STAMP_COLUMNS)  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
+_Seen = tuple[str, FileStamp | None]  # hash and stamp
 _QUICK = 1e-4  # seconds to read and hash a small file, and no more
 
 
@@ -35,8 +37,13 @@ class Resumed(NamedTuple):
     labels: list[str | None]
 
 
-def resumed(items: Sequence[Item], index: RunIndex, settings: EvaluateSettings) -> Resumed:
-    """Divide meshes into those to compute and those whose rows are there: same content, same settings."""
+def resumed(
+    items: Sequence[Item], index: RunIndex, settings: EvaluateSettings, later: LaterStamps | None = None
+) -> Resumed:
+    """Divide meshes into those to compute and those whose rows are there: same content, same settings.
+
+    Files that have to be hashed to be known get their stamps of now, which the next resume asks for.
+    """
     known, compute = _Known(index), optional("pyarrow.compute")
     place = known.find([item.name for item in items])
     first = np.maximum(place, 0)
@@ -54,8 +61,16 @@ def resumed(items: Sequence[Item], index: RunIndex, settings: EvaluateSettings) 
         stamps = index.keys.select(STAMP_COLUMNS).take(optional("pyarrow").array(first[candidates]))
         paths = ["" if items[i].data is not None else items[i].url for i in candidates.tolist()]
         is_same = are_untouched(paths, stamps)
+        rest = np.flatnonzero(~is_same)
+        if len(rest) and later is not None:
+            names = [items[i].name for i in candidates[rest].tolist()]
+            hashes = index.keys["content_hash"].take(optional("pyarrow").array(first[candidates[rest]]))
+            is_same[rest] = later.are_untouched(names, hashes, [paths[k] for k in rest.tolist()])
     to_read = candidates[~is_same]
-    is_same[~is_same] = np.fromiter(_same(items, to_read, first, index.keys["content_hash"]), bool, len(to_read))
+    found = list(_same(items, to_read, first, index.keys["content_hash"]))
+    is_same[~is_same] = np.fromiter((same for same, _ in found), bool, len(to_read))
+    if later is not None and not settings.rehash:
+        _keep_stamps(items, to_read, found, later)
     reused = np.zeros(len(items), bool)
     reused[candidates[is_same]] = True
     places, labels = known.relabelled(items, np.flatnonzero(reused), first)
@@ -73,8 +88,8 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
 
 def _same(
     items: Sequence[Item], candidates: NDArray[np.int64], first: NDArray[np.int64], stored: Any
-) -> Iterator[bool]:
-    """Say of each candidate whether its content is the stored one.
+) -> Iterator[tuple[bool, _Seen]]:
+    """Say of each candidate whether its content is the stored one, and what it was seen with.
 
     Files that are large or far away are read by several threads at the same time; with small ones that are at hand,
     threads would only be in each other's way.
@@ -92,9 +107,25 @@ def _same(
                 yield from same
 
 
-def _same_of_some(batch: tuple[Sequence[Item], Any]) -> list[bool]:
+def _same_of_some(batch: tuple[Sequence[Item], Any]) -> list[tuple[bool, _Seen]]:
     items, stored = batch
-    return [content_hash(item) == known for item, known in zip(items, stored.to_pylist(), strict=True)]
+    found: list[tuple[bool, _Seen]] = []
+    for item, known in zip(items, stored.to_pylist(), strict=True):
+        stamp = None if item.data is not None else stamp_of(item.url)  # before it is read
+        seen = content_hash(item)
+        found.append((seen == known, (seen, stamp)))
+    return found
+
+
+def _keep_stamps(
+    items: Sequence[Item], read: NDArray[np.int64], found: list[tuple[bool, _Seen]], later: LaterStamps
+) -> None:
+    kept = [
+        (items[i].name, seen, stamp)
+        for i, (is_same, (seen, stamp)) in zip(read.tolist(), found, strict=True)
+        if is_same and stamp is not None
+    ]
+    later.add([name for name, _, _ in kept], [seen for _, seen, _ in kept], [stamp for _, _, stamp in kept])
 
 
 class _Known:

@@ -288,6 +288,13 @@ class HalfSpaces(Frozen):
         rows = _as_plane_rows(normals, offsets, most=16 * LARGEST)  # of a ball around the largest of surfaces
         return self._with_rows(rows, -1 - np.arange(len(rows)), np.zeros(len(rows)))
 
+    def signs_with_planes(self, normals: ArrayLike, offsets: ArrayLike) -> HalfSpaces:
+        """The same for whoever asks for signs only: it takes less memory, and there are neither weights nor ids."""
+        bare = replace(self, weights=np.empty(0), facet_ids=np.empty(0, np.int64)).with_planes(normals, offsets)
+        n = len(bare)
+        nothing = np.broadcast_to(np.zeros(()), n), np.broadcast_to(np.zeros((), np.int64), n)
+        return replace(bare, weights=nothing[0], facet_ids=nothing[1])
+
     def to_world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map local points to world coordinates."""
         return local * self.scale + self.origin

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 from voxkernel._extras import optional
 from voxkernel.errors import MeshError, MeshReadError
 from voxkernel.large.chunks import Chunk, Piece, Source, check_finite, check_ids, refusal
+from voxkernel.large.stored_file import StoredFile
 
 __all__ = ["ArraySource", "ChunkSource", "ParquetFile", "Tiles"]
 
+_REAL = "fiu"  # kinds of numbers
 _COLUMNS = tuple(f"{axis}{corner}" for corner in range(3) for axis in "xyz")
 
 
@@ -24,9 +27,11 @@ class ArraySource:
 
     def __init__(self, vertices: Any, faces: Any) -> None:
         self.name = "arrays"
-        self._vertices, self._faces = np.asarray(vertices), np.asarray(faces)
+        self._vertices, self._faces = _array("`vertices`", vertices), _array("`faces`", faces)
         if self._vertices.ndim != 2 or self._vertices.shape[1] != 3:
             raise MeshError(f"`vertices` must have shape (n, 3); got {self._vertices.shape}")
+        if self._vertices.dtype.kind not in _REAL:
+            raise TypeError(f"`vertices` must be an array of real numbers; got dtype {self._vertices.dtype}")
         if self._faces.ndim != 2 or self._faces.shape[1] != 3:
             raise MeshError(f"`faces` must have shape (m, 3); got {self._faces.shape} (triangulate first)")
         if self._faces.dtype.kind not in "iu":
@@ -36,8 +41,9 @@ class ArraySource:
     def pieces(self, size: int) -> Iterator[Chunk]:
         """Read the faces `size` at a time."""
         for number, first in enumerate(range(0, len(self._faces), size)):
-            ids = np.ascontiguousarray(self._faces[first : first + size]).astype(np.int64)
-            check_ids(self.name, number, first, ids, len(self._vertices))
+            part = np.ascontiguousarray(self._faces[first : first + size])
+            check_ids(self.name, number, first, part, len(self._vertices))
+            ids = part.astype(np.int64)
             yield Chunk(self._vertices[ids].astype(np.float64), ids)
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -56,26 +62,44 @@ class ChunkSource:
     def pieces(self, size: int) -> Iterator[Chunk]:
         """Ask for the pairs once more; large ones come in parts."""
         first = 0
-        for number, pair in enumerate(self._make()):
+        for number, pair in enumerate(self._pairs()):
             where = f"{self.name}, chunk {number}"
             if not isinstance(pair, tuple | list) or len(pair) != 2:
                 raise MeshError(f"{where}: must be a pair (vertices, faces); got {type(pair).__name__}")
-            points = np.asarray(pair[0])
+            points, faces = _array(f"{where}: `vertices`", pair[0]), _array(f"{where}: `faces`", pair[1])
             if points.ndim != 2 or points.shape[1] != 3:
                 raise MeshError(f"{where}: `vertices` must have shape (n, 3); got {points.shape}")
-            faces = np.asarray(pair[1])
+            if points.dtype.kind not in _REAL:
+                raise MeshError(f"{where}: `vertices` must be real numbers; got dtype {points.dtype}")
             if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
                 raise MeshError(f"{where}: `faces` must be integers of shape (m, 3); got {faces.dtype} {faces.shape}")
+            check_ids(self.name, number, first, faces, len(points))
             ids = faces.astype(np.int64)
-            check_ids(self.name, number, first, ids, len(points))
             for start in range(0, len(ids), size):
                 corners = points[ids[start : start + size]].astype(np.float64)
                 check_finite(self.name, number, first + start, corners)
                 yield Chunk(np.ascontiguousarray(corners), None)
             first += len(ids)
 
+    def _pairs(self) -> Iterator[Any]:
+        found: Any = self._make()
+        try:
+            return iter(found)
+        except TypeError:
+            raise MeshError(
+                f"{self.name}: the function must return pairs (vertices, faces), one after the other; "
+                f"got {type(found).__name__}"
+            ) from None
+
     def take(self, facets: NDArray[np.int64]) -> None:
         """There is no way but a pass."""
+
+
+def _array(what: str, given: Any) -> NDArray[Any]:
+    try:
+        return np.asarray(given)
+    except ValueError:
+        raise MeshError(f"{what} must be an array; got rows of different lengths") from None
 
 
 class ParquetFile:
@@ -92,8 +116,26 @@ class ParquetFile:
         if missing:
             raise MeshReadError(f"{self.name} must have the columns {' '.join(_COLUMNS)}; got none called {missing[0]}")
 
+        types = optional("pyarrow").types
+        for name in _COLUMNS:
+            kind = schema.field(name).type
+            if not (types.is_floating(kind) or types.is_integer(kind)):
+                raise MeshReadError(f"{self.name} must have numbers in the column {name}; got {kind}")
+        self._stored = StoredFile.of(Path(self.path))
+
     def pieces(self, size: int) -> Iterator[Chunk]:
         """Read the rows `size` at a time."""
+        return self._stored.watched(self.name, self._read(size))
+
+    def _read(self, size: int) -> Iterator[Chunk]:
+        try:
+            yield from self._batches(size)
+        except MeshReadError:
+            raise
+        except (OSError, optional("pyarrow").ArrowException) as error:
+            raise MeshReadError(f"{self.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
+
+    def _batches(self, size: int) -> Iterator[Chunk]:
         first = 0
         with optional("pyarrow.parquet").ParquetFile(self.path) as file:
             for number, batch in enumerate(file.iter_batches(batch_size=size, columns=list(_COLUMNS))):

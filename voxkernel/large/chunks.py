@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +97,7 @@ def refusal(name: str, chunk: int, facet: int, text: str) -> MeshError:
     return MeshError(f"{name}, chunk {chunk}, facet {facet}: {text}")
 
 
-def check_ids(name: str, chunk: int, first: int, ids: NDArray[np.int64], n_vertices: int) -> None:
+def check_ids(name: str, chunk: int, first: int, ids: NDArray[Any], n_vertices: int) -> None:
     """Refuse vertex ids that are none; `first` is the facet that the chunk begins with."""
     if not len(ids) or (ids.min() >= 0 and ids.max() < n_vertices):
         return

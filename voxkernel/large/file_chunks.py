@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from voxkernel._input_file import input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.large.chunks import Chunk, Piece, check_ids, pieces_of, refusal
+from voxkernel.large.stored_file import StoredFile
 from voxkernel.mesh.ply import INDEX_NAMES, Element, parse_header
 
 __all__ = ["NotMapped", "PlyFile", "StlFile"]
@@ -39,7 +40,8 @@ class PlyFile:
             order, elements, at, _ = parse_header(head)
             if not order:
                 raise NotMapped
-            self._place(order, elements, at, file.stat().st_size)
+            self._stored = StoredFile.of(self.path)
+            self._place(order, elements, at, self._stored.size)
         except ValueError as error:
             raise MeshReadError(f"{self.name} cannot be streamed: {error}") from None
         if self._size > self._end and self._has_polygons():
@@ -74,13 +76,10 @@ class PlyFile:
         self.n_facets: int | None = self._faces[1]
         self._end, self._size = at, size
 
-    def _rows(self) -> tuple[np.memmap[tuple[int], np.dtype[np.void]], np.memmap[tuple[int], np.dtype[np.void]]]:
+    def _rows(self, where: str) -> tuple[NDArray[np.void], NDArray[np.void]]:
         """Map the vertices and the faces."""
         (a, n, vertex), (b, m, face) = self._vertices, self._faces
-        return (
-            np.memmap(self.path, vertex, "r", offset=a, shape=(n,)),
-            np.memmap(self.path, face, "r", offset=b, shape=(m,)),
-        )
+        return self._stored.mapped(vertex, a, n, where=where), self._stored.mapped(face, b, m, where=where)
 
     def _has_polygons(self) -> bool:
         """Whether, behind nothing but triangles, there is a face of more corners."""
@@ -119,12 +118,12 @@ class PlyFile:
     def pieces(self, size: int) -> Iterator[Piece]:
         """The faces, `size` at a time."""
         self._check_end(size)
-        return pieces_of(self, self._faces[1] if self._vertices[1] else 0, size)
+        return self._stored.watched(self.name, pieces_of(self, self._faces[1] if self._vertices[1] else 0, size))
 
     def chunk(self, number: int, size: int) -> Chunk:
         """Read some of the faces."""
-        points, faces = self._rows()
         first = number * size
+        points, faces = self._rows(f"{self.name}, chunk {number}, facet {first}")
         rows = np.asarray(faces[first : first + size])
         other = np.flatnonzero(rows["size"] != 3)
         if len(other):
@@ -135,7 +134,7 @@ class PlyFile:
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
         """Corners of some facets."""
-        points, faces = self._rows()
+        points, faces = self._rows(self.name)
         return _positions(points, np.asarray(faces["corners"][facets]).astype(np.int64))
 
 
@@ -156,7 +155,8 @@ class StlFile:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         file = input_file(path, MeshReadError)
         self.path, self.name = Path(file), f"'{file}'"
-        self._size = file.stat().st_size
+        self._stored = StoredFile.of(self.path)
+        self._size = self._stored.size
         with open(file, "rb") as stream:
             head = stream.read(_STL_HEAD)
         n = int.from_bytes(head[80:], "little")
@@ -166,8 +166,8 @@ class StlFile:
             raise MeshReadError(f"{self.name} cannot be streamed: it ends within its first 84 bytes")
         self.n_facets: int | None = n
 
-    def _rows(self) -> np.memmap[tuple[int], np.dtype[np.void]]:
-        return np.memmap(self.path, _STL_ROW, "r", offset=_STL_HEAD, shape=(self.n_facets or 0,))
+    def _rows(self, where: str) -> NDArray[np.void]:
+        return self._stored.mapped(_STL_ROW, _STL_HEAD, self.n_facets or 0, where=where)
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """The facets, `size` at a time."""
@@ -179,15 +179,17 @@ class StlFile:
             raise MeshReadError(f"{self.name}, {where}: the file ends before its {n} facets do")
         if missing < 0:
             raise MeshReadError(f"{self.name} cannot be streamed: it has {-missing} bytes more than {n} facets take")
-        return pieces_of(self, n, size)
+        return self._stored.watched(self.name, pieces_of(self, n, size))
 
     def chunk(self, number: int, size: int) -> Chunk:
         """Read some of the facets."""
-        return Chunk(_doubles(self._rows()[number * size : (number + 1) * size]["corners"]), None)
+        first = number * size
+        rows = self._rows(f"{self.name}, chunk {number}, facet {first}")
+        return Chunk(_doubles(rows[first : first + size]["corners"]), None)
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
         """Corners of some facets."""
-        return _doubles(self._rows()["corners"][facets])
+        return _doubles(self._rows(self.name)["corners"][facets])
 
 
 def _doubles(corners: NDArray[np.float32]) -> NDArray[np.float64]:

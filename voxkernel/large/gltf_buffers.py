@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from voxkernel._input_file import input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.large.chunks import Chunk, Piece, check_ids, pieces_of
+from voxkernel.large.stored_file import StoredFile
 
 __all__ = ["gltf_primitives"]
 
@@ -50,29 +51,34 @@ class GltfPrimitive:
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """The triangles, `size` at a time."""
-        return pieces_of(self, self.n_facets or 0, size)
+        pieces: Iterator[Piece] = pieces_of(self, self.n_facets or 0, size)
+        for view in (self._points, self._ids):
+            if view is not None and view.stored is not None:
+                pieces = view.stored.watched(self.name, pieces)
+        return pieces
 
     def chunk(self, number: int, size: int) -> Chunk:
         """Read some of the triangles."""
         first = number * size
+        where = f"{self.name}, chunk {number}, facet {first}"
         rows = np.arange(first, min(first + size, self.n_facets or 0))
-        ids = self._corner_ids(rows)
+        ids = self._corner_ids(rows, where)
         check_ids(self.name, number, first, ids, self._points.n)
-        return Chunk(self._placed(ids), None)
+        return Chunk(self._placed(ids, where), None)
 
     def take(self, facets: NDArray[np.int64]) -> NDArray[np.float64]:
         """Corners of some triangles."""
-        return self._placed(self._corner_ids(facets))
+        return self._placed(self._corner_ids(facets, self.name), self.name)
 
-    def _corner_ids(self, facets: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _corner_ids(self, facets: NDArray[np.int64], where: str) -> NDArray[np.int64]:
         corners = 3 * facets[:, None] + np.arange(3)
         if self._ids is not None:
-            corners = self._ids.rows()[:, 0][corners].astype(np.int64)
+            corners = self._ids.rows(where)[:, 0][corners].astype(np.int64)
         return corners[:, ::-1].copy() if self._is_mirrored else corners
 
-    def _placed(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _placed(self, ids: NDArray[np.int64], where: str) -> NDArray[np.float64]:
         with np.errstate(invalid="ignore"):  # a NaN may be a signalling one; none is accepted
-            corners = self._points.rows()[ids].astype(np.float64)
+            corners = self._points.rows(where)[ids].astype(np.float64)
         if np.array_equal(self._matrix, np.eye(4)):
             return corners
         return corners @ self._matrix[:3, :3].T + self._matrix[:3, 3]
@@ -83,17 +89,19 @@ class _View:
 
     def __init__(self, source: Path | bytes, start: int, n: int, stride: int, dtype: str, width: int) -> None:
         self._source, self._start, self.n, self._stride = source, start, n, stride
+        self.stored = None if isinstance(source, bytes) else StoredFile.of(source)
         self._dtype, self._width = np.dtype(dtype), width
 
-    def rows(self) -> NDArray[Any]:
+    def rows(self, where: str) -> NDArray[Any]:
         """The rows, mapped."""
         if not self.n:
             return np.empty((0, self._width), self._dtype)
         size = self._stride * (self.n - 1) + self._dtype.itemsize * self._width
         if isinstance(self._source, bytes):
-            data: Any = np.frombuffer(self._source, np.uint8)[self._start : self._start + size]
+            data = np.frombuffer(self._source, np.uint8)[self._start : self._start + size]
         else:
-            data = np.memmap(self._source, np.uint8, "r", offset=self._start, shape=(size,))
+            assert self.stored is not None
+            data = self.stored.mapped(np.uint8, self._start, size, where=where)
         return np.ndarray((self.n, self._width), self._dtype, data, strides=(self._stride, self._dtype.itemsize))
 
 

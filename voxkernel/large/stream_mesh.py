@@ -64,7 +64,7 @@ def stream_mesh(
     Returns
     -------
     StreamedSurface
-        For `exact_kernel`, `voxel_kernel`, `starshapeness`, `violation` and `best_center`.
+        For `exact_kernel`, `voxel_kernel`, `starshapeness`, `violation`, `best_center` and `visible_fraction`.
 
     Raises
     ------

@@ -10,6 +10,7 @@ from functools import partial
 from operator import or_
 from time import perf_counter
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from voxkernel._core import coordinate_range, facet_planes
 from voxkernel._notebook import InNotebooks
 from voxkernel.errors import MeshError
-from voxkernel.halfspaces.area_moments import BLOCK, moments_of_blocks
+from voxkernel.halfspaces.area_moments import BLOCK, AreaMoments, moments_of_blocks
 from voxkernel.halfspaces.domain import (
     BALL_FACTOR,
     Domain,
@@ -152,16 +153,20 @@ class SurfaceReader:
         facts = self._kept.get("facts")
         known = facts if isinstance(facts, StreamFacts) else None
         total = self._source.n_facets if known is None else known.n_facets
-        start, done = perf_counter(), 0
+        start, done, mark = perf_counter(), 0, 0
         for number, piece in enumerate(self._source.pieces(self.chunk_facets)):
             yield Part(Place(number, done, done if known is None else known.planes_before(done)), piece)
             done += piece.n_facets
+            if isinstance(piece, Chunk) and piece.n_facets:  # files are watched instead
+                mark = crc32(piece.corners[0].tobytes(), crc32(piece.corners[-1].tobytes(), mark))
             self._tell(StreamProgress(stage, done, total, perf_counter() - start))
         if known is not None and done != known.n_facets:
             raise MeshError(
                 f"`source` must give the same facets in every pass; got {done} after {known.n_facets} "
                 "(give a function that starts anew)"
             )
+        if self._kept.setdefault("mark", mark) != mark:
+            raise MeshError("`source` must give the same facets in every pass; got others than in the first")
 
     def note(self, stage: str, text: str) -> None:
         """Tell the caller something about the surface."""
@@ -245,18 +250,25 @@ class SurfaceReader:
             for row in np.arange(len(points)).reshape(-1, 3):
                 yield triangle_plane(points, row, self.facts().frame.bits)[:3]
 
+    def moments(self) -> AreaMoments:
+        """Area, centroid and principal axes, by a pass; kept."""
+        if "moments" not in self._kept:
+            facts = self.facts()
+            blocks = ((c.reshape(-1, 3), np.arange(3 * len(c)).reshape(-1, 3)) for c in self.blocks("frame"))
+            self._kept["moments"] = moments_of_blocks(blocks, facts.low, facts.high)
+        found = self._kept["moments"]
+        assert isinstance(found, AreaMoments)
+        return found
+
     def ball(self) -> Domain:
         """The default domain of open surfaces, by two passes; kept."""
         if "ball" not in self._kept:
-            facts = self.facts()
-            blocks = ((c.reshape(-1, 3), np.arange(3 * len(c)).reshape(-1, 3)) for c in self.blocks("domain"))
-            moments = moments_of_blocks(blocks, facts.low, facts.high)
-            centroid = moments.centroid
+            moments = self.moments()
             reach = 0.0
             for _, chunk in self.chunks("domain"):
-                square = ((chunk.corners.reshape(-1, 3) - centroid) ** 2).sum(axis=1).max()
+                square = ((chunk.corners.reshape(-1, 3) - moments.centroid) ** 2).sum(axis=1).max()
                 reach = max(reach, float(np.sqrt(square)))
-            self._kept["ball"] = framed_ball(centroid, moments.axes(moments.spread), BALL_FACTOR * reach)
+            self._kept["ball"] = framed_ball(moments.centroid, moments.axes(moments.spread), BALL_FACTOR * reach)
         found = self._kept["ball"]
         assert isinstance(found, Domain)
         return found

@@ -14,11 +14,14 @@ from voxkernel._plain import plain
 from voxkernel._thumbnail import curve_svg
 from voxkernel.halfspaces import Domain
 from voxkernel.halfspaces.surface_arguments import SurfaceArgument, SurfaceLike, surface_argument
+from voxkernel.large.surface_reader import SurfaceReader
 from voxkernel.relaxed.facet_weights import WeighedPlanes, weigh
-from voxkernel.relaxed.root_cube import MIN_DEPTH, root_cube
-from voxkernel.voxels.relaxed_octree import relaxed_cells_of
+from voxkernel.relaxed.root_cube import MIN_DEPTH, RootCube, root_cube
+from voxkernel.relaxed.streamed_violation import StreamedWeights
+from voxkernel.voxels.relaxed_octree import RelaxedCells, relaxed_cells_of
+from voxkernel.voxels.streamed_relaxed import streamed_cells
 
-__all__ = ["PROFILE_DEPTH", "DefectProfile", "defect_profile", "profile_of_planes"]
+__all__ = ["PROFILE_DEPTH", "DefectProfile", "defect_profile", "profile_of_planes", "profile_of_stream"]
 
 _PROFILE = np.linspace(0.0, 0.5, 26)
 PROFILE_DEPTH = 6
@@ -141,6 +144,21 @@ def profile_of_planes(
     """Count the voxels of all relaxed kernels."""
     cube, _ = root_cube(region.vertices, surface.own_axes())
     cells = relaxed_cells_of(planes, region, cube, depth, [float(v) for v in values], threads=threads, count_only=True)
+    return _profile(cells, cube, region, values, depth)
+
+
+def profile_of_stream(reader: SurfaceReader, region: Domain, values: NDArray[np.float64], depth: int) -> DefectProfile:
+    """Count them for a stream, in the frame of the surface."""
+    moments = reader.moments()
+    cube, _ = root_cube(region.vertices, moments.axes(moments.spread))
+    weights = StreamedWeights(reader, "area")
+    cells = [streamed_cells(weights, region, cube, depth, float(v)) for v in values]
+    return _profile(cells, cube, region, values, depth)
+
+
+def _profile(
+    cells: list[RelaxedCells], cube: RootCube, region: Domain, values: NDArray[np.float64], depth: int
+) -> DefectProfile:
     voxel = (cube.edge / 2**depth) ** 3 / region.volume
     shares = np.array(
         [(c.n_inside * voxel * (1 - 1e-9), (c.n_inside + c.n_boundary) * voxel * (1 + 1e-9)) for c in cells]

@@ -25,14 +25,15 @@ from voxkernel.large import StreamedSurface
 from voxkernel.large.stream_mesh import reader_of
 from voxkernel.large.streamed_planes import StreamedPlanes
 from voxkernel.large.surface_reader import SurfaceReader
-from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes
+from voxkernel.measures.defect_profile import PROFILE_DEPTH, DefectProfile, profile_of_planes, profile_of_stream
 from voxkernel.measures.streamed_convexity import lies_in_kernel
-from voxkernel.measures.visibility import VisibleFraction, visible_fraction
+from voxkernel.measures.visibility import VisibleFraction, visible_fraction, visible_of_stream
 from voxkernel.mesh import MeshLike, TriangleMesh, as_mesh
 from voxkernel.relaxed import StarCenter
 from voxkernel.relaxed.best_center import center_of_planes
 from voxkernel.relaxed.facet_weights import weigh
 from voxkernel.relaxed.streamed_center import center_of_stream
+from voxkernel.relaxed.streamed_violation import relaxed_region
 
 __all__ = ["Starshapeness", "starshapeness"]
 
@@ -171,8 +172,8 @@ def starshapeness(
         Largest distance of the bounds on the smallest violation, as for `best_center`, > 0.
     detail : bool or "guards"
         Compute `visible`, for which rays are cast with Open3D, and `profile`, for tolerances of 0.01, 0.03
-        and 0.1, as well; "guards": `guards` only. Not of a streamed surface: rays and guards
-        need all of its triangles at once, in memory.
+        and 0.1, as well; "guards": `guards` only, not of a streamed surface, as they need all of its
+        triangles at once, in memory.
 
     Returns
     -------
@@ -205,9 +206,9 @@ def starshapeness(
         as_choice("detail", detail, ("guards",))
     share = as_positive("gap", gap)
     if isinstance(surface, StreamedSurface):
-        if detail:
-            raise ValueError(f"`detail` must be False for a stream, as rays need all of it at once; got {detail!r}")
-        return _of_stream(reader_of(surface, facets), domain, share)
+        if detail == "guards":
+            raise ValueError("`detail` must be True or False for a stream, as guards need all of it; got 'guards'")
+        return _of_stream(reader_of(surface, facets), domain, share, bool(detail))
     mesh = as_mesh(surface, facets=facets)
     return score_of_planes(mesh, surface_argument(mesh), domain, share, detail=detail)
 
@@ -249,7 +250,7 @@ def _thirds(halfspaces: HalfSpaces) -> list[float]:
     return (halfspaces.local_offsets * halfspaces.weights).tolist()
 
 
-def _of_stream(reader: SurfaceReader, domain: Any, gap: float) -> Starshapeness:
+def _of_stream(reader: SurfaceReader, domain: Any, gap: float, detail: bool) -> Starshapeness:
     """Score a stream; it is convex if its kernel holds all of its corners."""
     kernel, planes = kernel_of_stream(reader, domain), StreamedPlanes(reader)
     parts = (_thirds(part) for _, part in planes.parts("volume"))
@@ -264,7 +265,11 @@ def _of_stream(reader: SurfaceReader, domain: Any, gap: float) -> Starshapeness:
         lambda: lies_in_kernel(reader, kernel),
     )  # fmt: skip
     star = center_of_stream(reader, kernel, domain, "area", gap, 0.0, center_of_planes)
-    return _scored(known, kernel, star, (None, None), None)
+    if not detail:
+        return _scored(known, kernel, star, (None, None), None)
+    region = relaxed_region(reader, kernel.domain)
+    profile = profile_of_stream(reader, region, np.array(_TOLERANCES), PROFILE_DEPTH)
+    return _scored(known, kernel, star, (visible_of_stream(reader, star.point), profile), None)
 
 
 def _depth(halfspaces: HalfSpaces, center: NDArray[np.float64]) -> float:

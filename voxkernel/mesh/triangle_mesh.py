@@ -184,7 +184,7 @@ class TriangleMesh(Frozen):
         -----
         The plane's side is that of the Newell normal [1]_. A fan is used where all its triangles keep
         the polygon's side, which includes every strictly convex polygon; ear clipping [2]_ otherwise.
-        Vectorised except for ear clipping. A polygon may touch itself; the triangles of one that crosses
+        Compiled except for ear clipping. A polygon may touch itself; the triangles of one that crosses
         itself, without coming back to a vertex, are a fan.
 
         References

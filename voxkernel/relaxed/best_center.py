@@ -131,7 +131,7 @@ def center_of_planes(
 def _least_of_witness(planes: WeighedPlanes, region: Domain | None) -> float | None:
     """Share that every point violates, for there is a witness, one of whose facets it does; None where a kernel is."""
     facets = planes.facets
-    verdict = find_feasibility(facets if region is None else facets.with_planes(region.normals, region.offsets))
+    verdict = find_feasibility(facets if region is None else facets.signs_with_planes(region.normals, region.offsets))
     if verdict.dimension >= 0:
         return None
     held = [i for i in verdict.witnesses[0].ids if i < len(facets)]

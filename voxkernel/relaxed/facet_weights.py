@@ -21,6 +21,7 @@ from voxkernel.mesh import TriangleMesh
 __all__ = ["UNITS", "WeighedPlanes", "weigh"]
 
 UNITS = 1 << 60
+_BLOCK = 1 << 14  # weights that are rounded in one go
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -76,10 +77,12 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
         raise ValueError("`weights` must have one above 0; got only zeros")
     if not values.all():
         halfspaces, values = halfspaces.select(values > 0), values[values > 0]
-    values = values / values.max()  # keeps sums finite
+    values /= values.max()  # keeps sums finite
     total = fsum(values)
-    shares = values / total * (1.0 - 1e-14)
-    units = np.maximum(np.rint(values / total * UNITS), 1.0).astype(np.int64)
+    values /= total
+    units = _units_of(values)
+    values *= 1.0 - 1e-14
+    shares = values
     slack = len(units) + 1024  # half a unit or one each; the quotients, 2**-53 of UNITS, a few times
     groups = halfspaces.coplanar_groups()
     heads = np.flatnonzero(groups == np.arange(len(groups)))
@@ -88,6 +91,14 @@ def weigh(halfspaces: HalfSpaces, weights: Any = "area", *, mesh: TriangleMesh |
         np.add.at(sums, groups, units)
         halfspaces, units, shares = halfspaces.select(heads), sums[heads], shares[heads]
     return WeighedPlanes(halfspaces, units, shares, slack)
+
+
+def _units_of(shares: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Shares in whole units, at least one each; a block at a time."""
+    units = np.empty(len(shares), np.int64)
+    for first in range(0, len(shares), _BLOCK):
+        units[first : first + _BLOCK] = np.maximum(np.rint(shares[first : first + _BLOCK] * UNITS), 1.0)
+    return units
 
 
 def _plane_weights(halfspaces: HalfSpaces, weights: Any, mesh: TriangleMesh | None) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from voxkernel.relaxed.facet_weights import WeighedPlanes
 __all__ = ["violated_units"]
 
 _THREAD_CHUNK = 1 << 15
+_BLOCK = 1 << 14  # rows that are looked at in one go
 
 
 def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, threads: int = 1) -> NDArray[np.int64]:
@@ -41,10 +42,11 @@ def violated_units(planes: WeighedPlanes, points: NDArray[np.float64], *, thread
 
 def _expansions_hold(values: NDArray[np.float64]) -> bool:
     """Whether products of these coordinates neither overflow nor underflow in expansion arithmetic."""
-    used = np.abs(values)
-    if used.size == 0:
-        return True
-    return bool(used.max() <= 2.0**200 and np.min(used, where=used > 0, initial=1.0) >= 2.0**-200)
+    for first in range(0, len(values), _BLOCK):
+        used = np.abs(values[first : first + _BLOCK])
+        if used.max() > 2.0**200 or np.min(used, where=used > 0, initial=1.0) < 2.0**-200:
+            return False
+    return True
 
 
 def _parts_of(local: NDArray[np.float64], count: int) -> list[NDArray[np.int64]]:

@@ -21,7 +21,7 @@ from voxkernel.voxels.kernel_grid import KernelGrid
 from voxkernel.voxels.relaxed_octree import RelaxedCells
 from voxkernel.voxels.voxel_kernels import RTOL_MAX_DEPTH, Step, still_apart, wrap_relaxed
 
-__all__ = ["relaxed_kernel_of_stream"]
+__all__ = ["relaxed_kernel_of_stream", "streamed_cells"]
 
 _BRICK = 3  # a brick has 2**3 voxels an edge
 _VOXELS = 8**_BRICK
@@ -69,6 +69,16 @@ def relaxed_kernel_of_stream(
                 reason = still_apart(apart) if reached == RTOL_MAX_DEPTH else text
                 break
     return wrap_relaxed(cells, share, cube, reached, dimension, region, reason)
+
+
+def streamed_cells(
+    weights: StreamedWeights, region: Domain, cube: RootCube, depth: int, share: float
+) -> RelaxedCells:
+    """Classify a cube for a share, as `relaxed_cells_of`; of few levels: these do not run out of memory or passes."""
+    reached, cells = _Octree(weights, region, cube, depth, share, 1).cells_at(depth)
+    if reached < depth:
+        raise ValueError(f"`depth` must be so small that a few passes do; got {depth}, and {reached} was reached")
+    return cells
 
 
 class _Cells(NamedTuple):
