@@ -13,10 +13,12 @@
 namespace voxkernel {
 namespace {
 
-constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
-constexpr Index kMostBlocks = 1200;  // of the coarsest
-constexpr Index kTileSteps = 1;      // steps of single voxels that take as long as a place of a tile
-constexpr Index kShare = 4;          // tiles are bounded where this takes at most such a part of the steps
+constexpr int kPositionBits = 34;                    // of a rank
+constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths
+constexpr Index kSplit = 3;                          // blocks are cut in so many along every axis
+constexpr Index kMostBlocks = 1200;                  // of the coarsest
+constexpr Index kTileSteps = 1;                      // steps of single voxels that take as long as a place of a tile
+constexpr Index kShare = 4;  // tiles are bounded where this takes at most such a part of the steps
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
 struct Block {
@@ -32,7 +34,7 @@ struct Block {
 // much is hidden from all of it.
 class Search {
  public:
-  Search(const Crop& crop, Doubles depths, Stop& stop);
+  Search(const Crop& crop, const Depths& depths, Stop& stop);
   BestVoxel run(Index always, Index most_steps);
 
  private:
@@ -58,46 +60,66 @@ class Search {
   void look_into(const Block& block);
   bool consider(Index rank);
   Index enough(Index rank) const { return least_ - (rank < winner_ ? 0 : 1); }
+  // Deeper voxels have lower ranks, of those that are equally deep the first; -1 outside. In a large object a rank is
+  // made of place and position.
+  Index rank_of(Index voxel) const {
+    if (!ranks_.empty()) return ranks_[voxel];
+    return crop_.bytes[voxel] == 0 ? -1 : (kMostPlaces - depths_.place(voxel)) << kPositionBits | voxel;
+  }
+  Index voxel_of(Index rank) const {
+    return by_depth_.empty() ? rank & ((Index{1} << kPositionBits) - 1) : by_depth_[rank];
+  }
   bool is_over() const { return best_.n_steps >= limit_; }
   template <typename Visit>
   void each_voxel(const Index* low, const Index* edges, Visit&& visit) const;
 
   const Crop& crop_;
+  const Depths& depths_;
   Stop& stop_;
-  std::vector<Index> by_depth_;         // positions in the crop, deepest first
-  std::vector<std::int32_t> ranks_;     // of each position, -1 outside
-  std::vector<std::uint8_t> is_known_;  // of each rank, whether it was looked at
+  Index n_ = 0;                      // voxels of the object
+  std::vector<Index> by_depth_;      // positions in the crop, deepest first; none where depths are given by places
+  std::vector<std::int32_t> ranks_;  // of each position, -1 outside
+  std::vector<bool> is_known_;       // of each position, whether it was looked at
   LabelRows rows_;
   std::vector<Level> levels_;  // the widened ones, finest first
   std::priority_queue<Block> queue_;
-  Index least_ = 0, winner_ = 0;  // what is hidden from the best so far, and its rank
+  Index least_ = 0, winner_ = -1;  // what is hidden from the best so far, and its rank
   Index limit_ = 0;
   Index row_steps_ = 0, n_looks_ = 0;  // of voxels looked at one by one
   Index open_ = INT64_MAX;             // the least that may be hidden from a voxel that was not looked at
   BestVoxel best_;
 };
 
-Search::Search(const Crop& crop, Doubles depths, Stop& stop) : crop_(crop), stop_(stop), rows_(crop, 0) {
+Search::Search(const Crop& crop, const Depths& depths, Stop& stop)
+    : crop_(crop), depths_(depths), stop_(stop), rows_(crop, 0) {
+  Index deepest = -1;
+  const auto is_deeper = [&](Index a, Index b) { return depths[a] != depths[b] ? depths[a] > depths[b] : a < b; };
   for (Index v = 0; v < crop.size(); ++v) {
-    if (crop.bytes[v] != 0) by_depth_.push_back(v);
+    if (crop.bytes[v] == 0) continue;
+    ++n_;
+    if (deepest < 0 || is_deeper(v, deepest)) deepest = v;
   }
   // Only the deepest is needed where it sees all.
-  const auto is_deeper = [&](Index a, Index b) { return depths[a] != depths[b] ? depths[a] > depths[b] : a < b; };
-  std::iter_swap(by_depth_.begin(), std::min_element(by_depth_.begin(), by_depth_.end(), is_deeper));
-  const Index n = static_cast<Index>(by_depth_.size());
   Index ijk[3];
-  crop.position(by_depth_[0], ijk);
-  least_ = rows_.hidden(ijk, n, best_.n_steps, stop);
+  crop.position(deepest, ijk);
+  least_ = rows_.hidden(ijk, n_, best_.n_steps, stop);
   row_steps_ = best_.n_steps;
   n_looks_ = 1;
-  best_.deepest = by_depth_[0];
-  best_.deepest_seen = n - least_;
+  best_.voxel = best_.deepest = deepest;
+  best_.deepest_seen = n_ - least_;
   if (least_ == 0) return;
-  std::sort(by_depth_.begin() + 1, by_depth_.end(), is_deeper);
-  ranks_.assign(static_cast<std::size_t>(crop.size()), -1);
-  is_known_.assign(static_cast<std::size_t>(n), 0);
-  is_known_[0] = 1;
-  for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  if (!depths.has_places()) {
+    by_depth_.reserve(static_cast<std::size_t>(n_));
+    for (Index v = 0; v < crop.size(); ++v) {
+      if (crop.bytes[v] != 0) by_depth_.push_back(v);
+    }
+    std::sort(by_depth_.begin(), by_depth_.end(), is_deeper);
+    ranks_.assign(static_cast<std::size_t>(crop.size()), -1);
+    for (Index r = 0; r < n_; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  }
+  is_known_.assign(static_cast<std::size_t>(crop.size()), false);
+  is_known_[deepest] = true;
+  winner_ = rank_of(deepest);
 }
 
 // Calls `visit(rank, place in the box)` for the voxels of the object in a box.
@@ -108,7 +130,7 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
   for (Index i = low[0]; i < high[0]; ++i) {
     for (Index j = low[1]; j < high[1]; ++j) {
       for (Index k = low[2]; k < high[2]; ++k) {
-        const Index rank = ranks_[crop_.flat(i, j, k)];
+        const Index rank = rank_of(crop_.flat(i, j, k));
         if (rank >= 0) visit(rank, ((i - low[0]) * edges[1] + j - low[1]) * edges[2] + k - low[2]);
       }
     }
@@ -117,10 +139,11 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
 
 // Of voxels from which equally much is hidden the deepest counts: the one of the lowest rank.
 bool Search::consider(Index rank) {
-  if (is_known_[rank] != 0) return false;
-  is_known_[rank] = 1;
+  const Index voxel = voxel_of(rank);
+  if (is_known_[voxel]) return false;
+  is_known_[voxel] = true;
   Index ijk[3];
-  crop_.position(by_depth_[rank], ijk);
+  crop_.position(voxel, ijk);
   const Index before = best_.n_steps;
   const Index h = rows_.hidden(ijk, enough(rank), best_.n_steps, stop_);
   row_steps_ += best_.n_steps - before;
@@ -135,11 +158,11 @@ bool Search::consider(Index rank) {
 // voxels are ruled out.
 void Search::climb() {
   Index step = 1;
-  const Index n = static_cast<Index>(by_depth_.size());
+  const Index n = n_;
   while (64 * step * step * step < n) step *= 2;
   while (step >= 1) {
     Index ijk[3];
-    crop_.position(by_depth_[winner_], ijk);
+    crop_.position(voxel_of(winner_), ijk);
     bool is_better = false;
     for (Index i = -step; i <= step; i += step) {
       for (Index j = -step; j <= step; j += step) {
@@ -148,7 +171,7 @@ void Search::climb() {
           bool is_there = !is_over();
           for (int a = 0; a < 3; ++a) is_there = is_there && to[a] > 0 && to[a] < crop_.shape[a] - 1;
           if (!is_there) continue;
-          const Index rank = ranks_[crop_.flat(to[0], to[1], to[2])];
+          const Index rank = rank_of(crop_.flat(to[0], to[1], to[2]));
           if (rank >= 0 && rank != winner_) is_better = consider(rank) || is_better;
         }
       }
@@ -205,7 +228,7 @@ std::vector<Search::Tile> Search::tiles_of(const Index* edges) const {
 Index Search::n_left(const Index* edges, Tile& tile) {
   Index n = 0;
   each_voxel(tile.low, edges, [&](Index rank, Index at) {
-    if (is_known_[rank] != 0 || tile.bounds[at] > enough(rank)) tile.bounds[at] = INT64_MAX;
+    if (is_known_[voxel_of(rank)] || tile.bounds[at] > enough(rank)) tile.bounds[at] = INT64_MAX;
     if (tile.bounds[at] != INT64_MAX) ++n;
   });
   return n;
@@ -315,7 +338,7 @@ void Search::look_into(const Block& block) {
 // Where tiles would take too long or too much memory: blocks that are bounded as a whole.
 void Search::branch() {
   climb();
-  const Index n = static_cast<Index>(by_depth_.size());
+  const Index n = n_;
   Index edge = kSplit;
   while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
   for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
@@ -338,7 +361,7 @@ void Search::branch() {
 }
 
 BestVoxel Search::run(Index always, Index most_steps) {
-  const Index n = static_cast<Index>(by_depth_.size());
+  const Index n = n_;
   if (least_ > 0) {
     limit_ = n <= always ? INT64_MAX : most_steps;
     std::vector<Tile> all;
@@ -353,7 +376,7 @@ BestVoxel Search::run(Index always, Index most_steps) {
       branch();
     }
   }
-  best_.voxel = by_depth_[winner_];
+  if (winner_ >= 0) best_.voxel = voxel_of(winner_);
   best_.n_seen = n - least_;
   best_.upper = n - std::min(least_, open_);
   return best_;
@@ -361,7 +384,7 @@ BestVoxel Search::run(Index always, Index most_steps) {
 
 }  // namespace
 
-BestVoxel best_voxel(const Crop& crop, Doubles depths, Index always, Index most_steps, Stop& stop) {
+BestVoxel best_voxel(const Crop& crop, const Depths& depths, Index always, Index most_steps, Stop& stop) {
   return Search(crop, depths, stop).run(always, most_steps);
 }
 

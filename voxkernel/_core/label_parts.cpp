@@ -20,29 +20,31 @@ class Flood {
     }
   }
 
-  // Number of voxels of the piece that holds `seed`.
+  // Number of voxels of the piece that holds `seed`. It is emptied outwards in layers, which are small beside it.
   Index drain(Index seed, Stop& stop) {
     if (field_[seed] == 0) return 0;
     field_[seed] = 0;
-    stack_.assign(1, seed);
+    front_.assign(1, seed);
     Index n = 0;
-    while (!stack_.empty()) {
-      const Index v = stack_.back();
-      stack_.pop_back();
-      ++n;
-      stop.poll(8);
-      for (const Index step : neighbours_) {
-        if (field_[v + step] == 0) continue;
-        field_[v + step] = 0;
-        stack_.push_back(v + step);
+    while (!front_.empty()) {
+      next_.clear();
+      for (const Index v : front_) {
+        stop.poll(8);
+        for (const Index step : neighbours_) {
+          if (field_[v + step] == 0) continue;
+          field_[v + step] = 0;
+          next_.push_back(v + step);
+        }
       }
+      n += static_cast<Index>(front_.size());
+      front_.swap(next_);
     }
     return n;
   }
 
  private:
   std::vector<std::uint8_t>& field_;
-  std::vector<Index> neighbours_, stack_;
+  std::vector<Index> neighbours_, front_, next_;
 };
 
 // `visit(voxel, is_at_the_rim)` for every voxel within the layer of background.

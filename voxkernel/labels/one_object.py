@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, ray_lengths, squared_depths, visible_count
+from voxkernel._core import Depths, StarRaster, StopFlag, best_voxel, label_parts, ray_lengths, visible_count
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
 
@@ -52,8 +52,7 @@ def object_row(
 ) -> ObjectRow:
     """Work on a crop with a layer of background around; `low` is the first voxel of the object's box."""
     flat, n = frame.is_flat, int(np.count_nonzero(crop))
-    depths = np.empty(crop.shape)
-    squared_depths(crop, flat, np.array(frame.spacing), depths, stop)
+    depths = Depths(crop, flat, np.array(frame.spacing), stop)
     best, n_seen, upper, deepest, n_deepest, _ = best_voxel(crop, flat, depths, ALWAYS, frame.most_steps, stop)
     del depths
     # From where all is seen, nothing is apart; and no hole: behind the voxel of a hole that is farthest along the axis
