@@ -210,8 +210,26 @@ def test_an_image_that_failed_is_told_apart_from_one_without_objects(tmp_path, c
     words = ["labels", str(tmp_path / "negative.npy"), "--spacing", "1,1,1", "-o", str(tmp_path / "run")]
     assert main([*words, "--workers", "1", "--quiet"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines() == [f"{tmp_path / 'run'}: no objects; failed: 1"]
-    assert err == ""
+    assert out.splitlines() == [f"{tmp_path / 'run'}: 1 of 1 images failed"]
+    line = "`labels` must be >= 0, with 0 for the background; got -2"
+    assert err == f"voxkernel: error: {tmp_path / 'negative.npy'}: {line}\n"
+
+
+def test_a_file_that_is_missing_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("empty.npy", np.zeros((4, 5, 6), np.uint8))
+    words = ["labels", "--spacing", "1,1,1", "-o", "run", "--workers", "1", "--quiet"]
+    for names, counted in (
+        (["missing.tif"], "1 of 1 images failed"),
+        (["missing.h5::a", "empty.npy"], "no objects; 1 of 2 images failed"),
+    ):
+        assert main([*words, *names]) == 1
+        out, err = capsys.readouterr()
+        assert out == f"run: {counted}\n"
+        assert f"voxkernel: error: {names[0]}: does not exist\n" in err.replace("'missing.h5' ", "")
+        assert err.count("\n") == err.count("error: missing")
+    assert main([*words, "*.nope"]) == 2
+    assert "error: IMAGE must lead to a label image; got *.nope" in capsys.readouterr().err
 
 
 def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):
