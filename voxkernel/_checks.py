@@ -152,6 +152,8 @@ def as_real(name: str, value: object) -> float:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise TypeError(f"`{name}` must be a real number; got {type(value).__name__}") from None
+    except OverflowError:
+        raise ValueError(f"`{name}` must be finite as a double; got a larger {type(value).__name__}") from None
     if not math.isfinite(number):
         raise ValueError(f"`{name}` must be finite; got {number}")
     return number

@@ -13,13 +13,14 @@ from voxkernel._extras import optional
 
 __all__ = ["RunIndex", "open_index"]
 
-KEYS = ("file", "cell", "object", "content_hash", "settings_hash", "finished")
+KEYS = ("file", "cell", "object", "content_hash", "settings_hash", "finished", "n_objects")
 
 
 class RunIndex:
     """The rows of a run that count, in the order of the table: by file, cell and object.
 
-    Parts are held open, so that those on this machine can be read to the end though a run that goes on deletes them.
+    Rows that only mark a label image without objects are left out unless `with_marks`. Parts are held open, so that
+    those on this machine can be read to the end though a run that goes on deletes them.
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class RunIndex:
         The columns of `KEYS` and those asked for, of the rows that count.
     """
 
-    def __init__(self, fs: Any, names: Sequence[str], columns: Sequence[str]) -> None:
+    def __init__(self, fs: Any, names: Sequence[str], columns: Sequence[str], *, with_marks: bool = False) -> None:
         self.names = list(names)
         self._parts = [run_table.open_part(fs, name) for name in names]
         self._starts = np.concatenate([[0], np.cumsum([part.num_rows for part in self._parts])]).astype(np.int64)
@@ -39,6 +40,9 @@ class RunIndex:
         whole = self._whole(wanted)
         self._order = run_table.current_rows(whole)
         self.n_stale = whole.num_rows - len(self._order)
+        if not with_marks:
+            is_mark = whole.column("n_objects").fill_null(-1).to_numpy() == 0
+            self._order = self._order[~is_mark[self._order]]
         self.keys = self._sorted(whole)
         del whole
         optional("pyarrow").default_memory_pool().release_unused()
@@ -124,6 +128,8 @@ def _taken(table: Any, ids: NDArray[np.int64]) -> Any:
     return table.take(optional("pyarrow").array(ids))
 
 
-def open_index(fs: Any, run_path: str, columns: Sequence[str] = ()) -> RunIndex:
+def open_index(fs: Any, run_path: str, columns: Sequence[str] = (), *, with_marks: bool = False) -> RunIndex:
     """Index the parts of a run, with more columns than the keys; a run that goes on may just be merging some."""
-    return run_table.while_parts_move(lambda: RunIndex(fs, run_table.part_names(fs, run_path), columns))
+    return run_table.while_parts_move(
+        lambda: RunIndex(fs, run_table.part_names(fs, run_path), columns, with_marks=with_marks)
+    )

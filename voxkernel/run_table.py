@@ -26,8 +26,8 @@ from voxkernel._plain import json_text
 __all__ = [
     "COLUMNS", "Part", "csv_line", "current_rows", "defused", "extra_of", "is_local", "open_part", "open_run",
     "part_names", "read_part", "read_parts", "read_rows", "read_settings", "remove_parts", "remove_unfinished",
-    "schema", "to_table", "told", "while_parts_move", "write_bytes", "write_csv", "write_part", "write_settings",
-    "write_table_part",
+    "schema", "to_table", "told", "while_parts_move", "without_marks", "write_bytes", "write_csv",
+    "write_part", "write_settings", "write_table_part",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -309,7 +309,13 @@ def read_rows(run: str) -> Any:
         Columns of `schema`; the latest row per file, cell and object, sorted by them.
     """
     fs, path = open_run(run)
-    return while_parts_move(lambda: read_parts(fs, part_names(fs, path)))
+    return without_marks(while_parts_move(lambda: read_parts(fs, part_names(fs, path))))
+
+
+def without_marks(table: Any) -> Any:
+    """Leave out rows that only say that a label image holds no objects, so that it is not read again."""
+    compute = optional("pyarrow.compute")
+    return table.filter(compute.not_equal(table.column("n_objects").fill_null(-1), 0))
 
 
 def while_parts_move(read: Callable[[], T]) -> T:

@@ -1,6 +1,8 @@
 """Label images in runs, in reports and on the command line: one row per object, counted apart."""
 
 import json
+import time
+from dataclasses import replace
 
 import label_shapes
 import numpy as np
@@ -9,7 +11,7 @@ import shapes
 
 import voxkernel
 from voxkernel.cli.main import main
-from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation import EvaluateSettings, resume
 from voxkernel.evaluation.inputs import Item, content_hash, find_items
 from voxkernel.evaluation.label_parts import in_parts
 from voxkernel.report import write_report
@@ -167,13 +169,67 @@ def test_an_image_without_objects_is_an_answer(tmp_path, capsys):
     assert (tmp_path / "run" / "report.html").exists()
 
 
+def test_an_image_without_objects_is_not_read_again(tmp_path, monkeypatch):
+    image, run = tmp_path / "image.npy", tmp_path / "run"
+    np.save(image, np.zeros((4, 5, 6), np.uint8))
+    np.save(tmp_path / "other.npy", np.ones((4, 5, 6), np.uint8))
+    time.sleep(2.1)  # the stamp of a file that has just changed is not trusted
+    settings = EvaluateSettings(spacing=(1, 1, 1), n_rays=(32,), workers=1, csv=True)
+
+    def evaluated(**changes):
+        return voxkernel.evaluate([image, tmp_path / "other.npy"], output=run, settings=replace(settings, **changes))
+
+    first = evaluated()
+    assert (first.n_rows, first.n_ok, first.n_reused) == (1, 2, 0)
+    assert (run / "rows.csv").read_text().count("\n") == 2
+    for changes in ({}, {"rehash": True}, {"views": "all"}):
+        again = evaluated(**changes)
+        assert (again.n_rows, again.n_ok, again.n_reused) == (1, 2, 2)
+    monkeypatch.setattr(resume, "content_hash", None)  # known by its stamp, it is not even hashed
+    assert evaluated().n_reused == 2
+    monkeypatch.undo()
+    assert evaluated(n_rays=(32, 64)).n_reused == 0
+    image.touch()
+    assert evaluated(n_rays=(32, 64)).n_reused == 2
+    assert read_rows(str(run)).column("object").to_pylist() == [1]
+    summary = write_report(tmp_path / "page.html", run)
+    assert (summary["n_rows"], summary["objects"]["n"]) == (1, 1)
+
+
+def test_objects_that_are_gone_leave_no_rows(tmp_path):
+    settings = EvaluateSettings(spacing=(1, 1, 1), n_rays=(32,), workers=1)
+    for voxel, rows in ((1, 1), (0, 0), (7, 1)):
+        np.save(tmp_path / "image.npy", np.full((4, 5, 6), voxel, np.uint8))
+        result = voxkernel.evaluate([tmp_path / "image.npy"], output=tmp_path / "run", settings=settings)
+        assert (result.n_rows, result.n_reused) == (rows, 0)
+        assert read_rows(str(tmp_path / "run")).column("object").to_pylist() == [voxel] * rows
+
+
 def test_an_image_that_failed_is_told_apart_from_one_without_objects(tmp_path, capsys):
     np.save(tmp_path / "negative.npy", np.full((4, 5, 6), -2))
     words = ["labels", str(tmp_path / "negative.npy"), "--spacing", "1,1,1", "-o", str(tmp_path / "run")]
     assert main([*words, "--workers", "1", "--quiet"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines() == [f"{tmp_path / 'run'}: no objects; failed: 1"]
-    assert err == ""
+    assert out.splitlines() == [f"{tmp_path / 'run'}: 1 of 1 images failed"]
+    line = "`labels` must be >= 0, with 0 for the background; got -2"
+    assert err == f"voxkernel: error: {tmp_path / 'negative.npy'}: {line}\n"
+
+
+def test_a_file_that_is_missing_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("empty.npy", np.zeros((4, 5, 6), np.uint8))
+    words = ["labels", "--spacing", "1,1,1", "-o", "run", "--workers", "1", "--quiet"]
+    for names, counted in (
+        (["missing.tif"], "1 of 1 images failed"),
+        (["missing.h5::a", "empty.npy"], "no objects; 1 of 2 images failed"),
+    ):
+        assert main([*words, *names]) == 1
+        out, err = capsys.readouterr()
+        assert out == f"run: {counted}\n"
+        assert f"voxkernel: error: {names[0]}: does not exist\n" in err.replace("'missing.h5' ", "")
+        assert err.count("\n") == err.count("error: missing")
+    assert main([*words, "*.nope"]) == 2
+    assert "error: IMAGE must lead to a label image; got *.nope" in capsys.readouterr().err
 
 
 def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):

@@ -1,10 +1,13 @@
 """The best voxel beside looking from every voxel: how much it sees, which one it is, bounds when stopped early."""
 
+import subprocess
+import sys
+
 import label_shapes
 import numpy as np
 import pytest
 
-from voxkernel._core import best_voxel, squared_depths, visible_count
+from voxkernel._core import Depths, best_voxel, squared_depths, visible_count
 
 
 def by_looking_from_all(crop, depths, *, is_flat):
@@ -94,3 +97,65 @@ def test_levels_of_blocks(rng):
     _, early, early_upper, *_ = best_voxel(crop, False, depths, 0, 0, 3_000_000)
     assert early <= seen <= upper <= early_upper
     assert upper < 0.9 * crop.sum()
+
+
+def large_crop(n=104):
+    """More than 2**20 voxels: depths are held as places."""
+    crop = np.pad(label_shapes.ball(n), 1)
+    crop[30:50, :40, 30:55] = 0
+    crop[70:75, 70:75, 70:75] = 0
+    assert crop.size > 2**20
+    return crop
+
+
+@pytest.mark.parametrize(
+    ("n", "spacing"),
+    [(104, (1.0, 1.0, 1.0)), (104, (2.0, 1.0, 1.0)), (104, (0.1, 0.1, 0.1)), (210, (1.0, 1.1, 1.23457))],
+)
+def test_places_of_depths_answer_as_depths(n, spacing):
+    """With 0.1 equal depths differ in their last bit; of the last object more than 65,535 depths occur."""
+    crop = large_crop(n)
+    depths = np.empty(crop.shape)
+    squared_depths(crop, False, np.array(spacing), depths)
+    places = Depths(crop, False, np.array(spacing))
+    for most_steps in (0, 300_000) if n < 200 else (0,):
+        expected = best_voxel(crop, False, depths, 0, 6000, most_steps)
+        assert best_voxel(crop, False, places, 0, 6000, most_steps) == expected
+    assert (len(np.unique(depths)) > 65_536) == (n == 210)
+
+
+def test_a_flat_crop_with_places_of_depths(rng):
+    crop = np.zeros((3, 1100, 1000), np.uint8)
+    crop[1, 1:-1, 1:-1] = rng.random((1098, 998)) < 0.9999
+    depths = np.empty(crop.shape)
+    squared_depths(crop, True, np.array([1.0, 1.0, 0.7]), depths)
+    places = Depths(crop, True, np.array([1.0, 1.0, 0.7]))
+    assert best_voxel(crop, True, places, 0, 6000, 10**6) == best_voxel(crop, True, depths, 0, 6000, 10**6)
+
+
+MEMORY = """
+import label_shapes, numpy as np
+from voxkernel.labels.label_stars import frame_of
+from voxkernel.labels.label_image import LabelImage
+from voxkernel.labels.one_object import object_row
+def row(n):
+    crop = np.pad(label_shapes.ball(n), 1)
+    crop[n // 4 : n // 2, : n // 3, n // 4 : n // 2] = 0
+    image = LabelImage.from_array(np.zeros((n, n, n), np.uint8), spacing=(1, 1, 1))
+    def most():
+        return int(next(l for l in open("/proc/self/status") if l.startswith("VmHWM")).split()[1])
+    before = most()
+    object_row(crop, [0, 0, 0], frame_of(image, (32,), 300_000))
+    return (most() - before) * 1024
+row(12)
+print(row(200))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_of_one_large_object():
+    """Beside the crop (8 bytes a voxel for depths and as much for their order would be 130 MB)."""
+    path = str(label_shapes.__file__.rpartition("/")[0])
+    code = f"import sys; sys.path.insert(0, {path!r}){MEMORY}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 75e6

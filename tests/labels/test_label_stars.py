@@ -215,6 +215,11 @@ WRONG = {
         np.ones((2, 2), int), {"spacing": (1, 1), "objects": objects_of([[1] * 3])},
     ),
     "`spacing` must be a sequence of numbers": (np.ones((2, 2), int), {"spacing": 1.0}),
+    "`spacing` must be finite as a double; got a larger int": (np.ones((2, 2), int), {"spacing": (10**400, 1)}),
+    "`surface` must be True or False; got str": (np.ones((2, 2), int), {"spacing": (1, 1), "surface": "no"}),
+    "`surface` must be True or False; got ndarray": (
+        np.ones((2, 2), int), {"spacing": (1, 1), "surface": np.array([True, False])},
+    ),
     "`n_rays` must be in 3..4096; got 2": (np.ones((2, 2), int), {"spacing": (1, 1), "n_rays": (2,)}),
     "`n_rays` must be in 4..4096; got 3": (np.ones((2, 2, 2), int), {"spacing": (1, 1, 1), "n_rays": (3,)}),
     "`n_rays` must hold at least one": (np.ones((2, 2), int), {"spacing": (1, 1), "n_rays": ()}),

@@ -35,6 +35,43 @@ def test_beside_the_exact_kernel(rng, spread):
             np.testing.assert_allclose(ends, expected, atol=1e-8 * np.ptp(exact.vertices))
 
 
+def ellipsoid(semi_axes):
+    return lambda rng, rays: 1 / np.linalg.norm(rays / semi_axes, axis=1) * (1 + 0.02 * rng.random((3, len(rays))))
+
+
+FAMILIES = {
+    "noise of a twentieth": lambda rng, rays: 1 + 0.05 * rng.random((3, len(rays))),
+    "equal lengths": lambda rng, rays: np.ones((2, len(rays))),
+    "whole lengths": lambda rng, rays: rng.integers(3, 6, (3, len(rays))),
+    "wild": lambda rng, rays: np.exp(0.6 * rng.normal(size=(3, len(rays)))),
+    "long": ellipsoid([30, 1, 1]),
+    "needle": ellipsoid([3000, 1, 1]),
+    "flat": ellipsoid([0.02, 1, 1]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_families_beside_the_exact_kernel(rng, family, unit):
+    """So many rays that hulls are large, and checked along their edges."""
+    rays = golden_rays(160)
+    distances = unit * FAMILIES[family](rng, rays)
+    kernels = star_polyhedra_kernels(np.zeros((len(distances), 3)), distances, rays)
+    for i in range(len(distances)):
+        exact = voxkernel.exact_kernel((rays * distances[i][:, None], outward_faces(rays)))
+        assert kernels.volume[i] == pytest.approx(exact.volume, rel=1e-8)
+        for ends, expected in ((kernels.low, exact.vertices.min(axis=0)), (kernels.high, exact.vertices.max(axis=0))):
+            np.testing.assert_allclose(ends[i], expected, atol=1e-8 * np.ptp(exact.vertices))
+
+
+def test_a_second_call_answers_the_same_after_an_error():
+    distances = np.ones((1, 6))
+    for _ in range(2):
+        with pytest.raises(ValueError, match="must close around the centre"):
+            star_polyhedra_kernels([[0, 0, 0]], distances, AXES, faces=[[0, 2, 4]])
+        assert star_polyhedra_kernels([[0, 0, 0]], distances, AXES).volume[0] == pytest.approx(4 / 3, rel=1e-12)
+
+
 def test_threads_do_not_change_rows(rng):
     distances = rng.uniform(1, 2, (600, 24))
     one, two = (star_polyhedra_kernels(np.zeros((600, 3)), distances, golden_rays(24), threads=t) for t in (1, 2))

@@ -13,12 +13,14 @@
 namespace voxkernel {
 namespace {
 
-constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
-constexpr Index kMostBlocks = 1200;  // of the coarsest
-constexpr Index kTileSteps = 1;      // steps of single voxels that take as long as a place of a tile
-constexpr Index kAhead = 32;         // candidates of a tile that are looked at before the others
-constexpr int kStopped = 3;          // first pass that may be left out where steps are limited
-constexpr Index kShare = 4;          // tiles are bounded where this takes at most such a part of the steps
+constexpr int kPositionBits = 34;                    // of a rank
+constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths
+constexpr Index kSplit = 3;                          // blocks are cut in so many along every axis
+constexpr Index kMostBlocks = 1200;                  // of the coarsest
+constexpr Index kTileSteps = 1;                      // steps of single voxels that take as long as a place of a tile
+constexpr Index kAhead = 32;                         // candidates of a tile that are looked at before the others
+constexpr int kStopped = 3;                          // first pass that may be left out where steps are limited
+constexpr Index kShare = 4;  // tiles are bounded where this takes at most such a part of the steps
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
 struct Block {
@@ -34,7 +36,7 @@ struct Block {
 // much is hidden from all of it.
 class Search {
  public:
-  Search(const Crop& crop, Doubles depths, Index other, Stop& stop);
+  Search(const Crop& crop, const Depths& depths, Index other, Stop& stop);
   BestVoxel run(Index always, Index most_steps);
 
  private:
@@ -56,7 +58,7 @@ class Search {
 
   bool is_deeper(Index a, Index b) const { return depths_[a] != depths_[b] ? depths_[a] > depths_[b] : a < b; }
   // Whether a candidate may still see most, and whether one is more promising than another one.
-  bool is_open(const Candidate& c) const { return is_known_[c.voxel] == 0 && bounds_[c.voxel] <= enough(c.voxel); }
+  bool is_open(const Candidate& c) const { return !is_known_[c.voxel] && bounds_[c.voxel] <= enough(c.voxel); }
   bool is_before(const Candidate& a, const Candidate& b) const {
     const std::int32_t of_a = bounds_[a.voxel], of_b = bounds_[b.voxel];
     return of_a != of_b ? of_a < of_b : is_deeper(a.voxel, b.voxel);
@@ -76,19 +78,29 @@ class Search {
   bool take(Index voxel, Index hidden);
   bool consider(Index voxel);
   Index enough(Index voxel) const { return least_ - (is_deeper(voxel, winner_) ? 0 : 1); }
+  // Deeper voxels have lower ranks, of those that are equally deep the first; -1 outside. In a large object a rank is
+  // made of place and position.
+  Index rank_of(Index voxel) const {
+    if (!ranks_.empty()) return ranks_[voxel];
+    return crop_.bytes[voxel] == 0 ? -1 : (kMostPlaces - depths_.place(voxel)) << kPositionBits | voxel;
+  }
+  Index voxel_of(Index rank) const {
+    return by_depth_.empty() ? rank & ((Index{1} << kPositionBits) - 1) : by_depth_[rank];
+  }
   bool is_over() const { return best_.n_steps - free_steps_ >= limit_; }
   template <typename Visit>
   void each_voxel(const Index* low, const Index* edges, Visit&& visit) const;
 
   const Crop& crop_;
-  Doubles depths_;
+  const Depths& depths_;
   Stop& stop_;
-  std::vector<Candidate> candidates_, sorted_, ahead_;
-  std::vector<Index> hidden_;           // of a tile
-  std::vector<std::int32_t> bounds_;    // of each voxel of the crop, how many are hidden from it at least
-  std::vector<Index> by_depth_;         // positions in the crop, deepest first, where blocks are bounded
-  std::vector<std::int32_t> ranks_;     // of each position, -1 outside
-  std::vector<std::uint8_t> is_known_;  // of each voxel of the crop, whether it was looked at
+  Index n_ = 0;                                         // voxels of the object
+  std::vector<Candidate> candidates_, sorted_, ahead_;  // none where the crop is too large for tiles
+  std::vector<Index> hidden_;                           // of a tile
+  std::vector<std::int32_t> bounds_;  // of each voxel of the crop, how many are hidden from it at least
+  std::vector<Index> by_depth_;       // where blocks are bounded, positions, deepest first; none for depths by places
+  std::vector<std::int32_t> ranks_;   // of each position, -1 outside
+  std::vector<bool> is_known_;        // of each voxel of the crop, whether it was looked at
   LabelRows rows_;
   std::vector<Level> levels_;  // the widened ones, finest first
   std::priority_queue<Block> queue_;
@@ -99,31 +111,34 @@ class Search {
   BestVoxel best_;
 };
 
-Search::Search(const Crop& crop, Doubles depths, Index other, Stop& stop)
+Search::Search(const Crop& crop, const Depths& depths, Index other, Stop& stop)
     : crop_(crop), depths_(depths), stop_(stop), rows_(crop, 0) {
+  const bool is_small = LabelTiles::is_small(crop);
   Index v = 0;
   winner_ = -1;
   for (Index i = 0; i < crop.shape[0]; ++i) {
     for (Index j = 0; j < crop.shape[1]; ++j) {
       for (Index k = 0; k < crop.shape[2]; ++k, ++v) {
         if (crop.bytes[v] == 0) continue;
-        candidates_.push_back(
-            {static_cast<std::int32_t>(v),
-             {static_cast<std::int32_t>(i), static_cast<std::int32_t>(j), static_cast<std::int32_t>(k)}});
+        ++n_;
+        if (is_small) {
+          candidates_.push_back(
+              {static_cast<std::int32_t>(v),
+               {static_cast<std::int32_t>(i), static_cast<std::int32_t>(j), static_cast<std::int32_t>(k)}});
+        }
         if (winner_ < 0 || is_deeper(v, winner_)) winner_ = v;
       }
     }
   }
-  const Index n = static_cast<Index>(candidates_.size());
-  is_known_.assign(static_cast<std::size_t>(crop.size()), 0);
+  is_known_.assign(static_cast<std::size_t>(crop.size()), false);
   best_.deepest = winner_;
-  least_ = look_at(winner_, n);
-  best_.deepest_seen = n - least_;
+  least_ = look_at(winner_, n_);
+  best_.deepest_seen = n_ - least_;
   if (crop.bytes[other] == 0) return;
   const Index before = best_.n_steps;
-  const Index h = other == best_.deepest ? least_ : look_at(other, n);
+  const Index h = other == best_.deepest ? least_ : look_at(other, n_);
   free_steps_ = best_.n_steps - before;
-  best_.other_seen = n - h;
+  best_.other_seen = n_ - h;
   take(other, h);
 }
 
@@ -137,7 +152,7 @@ bool Search::take(Index voxel, Index hidden) {
 
 // How many voxels are hidden from one; some number above `enough` where there are more.
 Index Search::look_at(Index voxel, Index enough) {
-  is_known_[voxel] = 1;
+  is_known_[voxel] = true;
   Index ijk[3];
   crop_.position(voxel, ijk);
   const Index before = best_.n_steps;
@@ -155,7 +170,7 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
   for (Index i = low[0]; i < high[0]; ++i) {
     for (Index j = low[1]; j < high[1]; ++j) {
       for (Index k = low[2]; k < high[2]; ++k) {
-        const Index rank = ranks_[crop_.flat(i, j, k)];
+        const Index rank = rank_of(crop_.flat(i, j, k));
         if (rank >= 0) visit(rank, ((i - low[0]) * edges[1] + j - low[1]) * edges[2] + k - low[2]);
       }
     }
@@ -164,7 +179,7 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
 
 // Of voxels from which equally much is hidden the deepest counts.
 bool Search::consider(Index voxel) {
-  if (is_known_[voxel] != 0) return false;
+  if (is_known_[voxel]) return false;
   return take(voxel, look_at(voxel, enough(voxel)));
 }
 
@@ -172,8 +187,7 @@ bool Search::consider(Index voxel) {
 // voxels are ruled out.
 void Search::climb() {
   Index step = 1;
-  const Index n = static_cast<Index>(candidates_.size());
-  while (64 * step * step * step < n) step *= 2;
+  while (64 * step * step * step < n_) step *= 2;
   while (step >= 1) {
     Index ijk[3];
     crop_.position(winner_, ijk);
@@ -273,7 +287,7 @@ void Search::work(LabelTiles& tiles, int pass, const Tile& tile, Index most) {
     if (found == INT64_MAX) continue;
     bounds_[c->voxel] = static_cast<std::int32_t>(found);
     if (!is_exact) continue;
-    is_known_[c->voxel] = 1;
+    is_known_[c->voxel] = true;
     take(c->voxel, found);
   }
 }
@@ -371,9 +385,9 @@ void Search::cut(const Block& block, Index edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
         Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
         each_voxel(part.low, edges, [&](Index rank, Index) { part.rank = std::min(part.rank, rank); });
-        if (part.rank == INT64_MAX || part.hidden > enough(by_depth_[part.rank])) continue;
+        if (part.rank == INT64_MAX || part.hidden > enough(voxel_of(part.rank))) continue;
         if (!is_over()) part.hidden = std::max(part.hidden, bound(part));
-        if (part.hidden <= enough(by_depth_[part.rank])) queue_.push(part);
+        if (part.hidden <= enough(voxel_of(part.rank))) queue_.push(part);
       }
     }
   }
@@ -386,7 +400,7 @@ Index Search::bound(const Block& block) {
     Index middle[3];
     for (int a = 0; a < 3; ++a) middle[a] = block.low[a] + reach;
     if (crop_.is_flat) middle[0] = 1;
-    return level.rows->hidden(middle, enough(by_depth_[block.rank]), best_.n_steps, stop_);
+    return level.rows->hidden(middle, enough(voxel_of(block.rank)), best_.n_steps, stop_);
   }
   return 0;
 }
@@ -398,38 +412,42 @@ void Search::look_into(const Block& block) {
   each_voxel(block.low, edges, [&](Index rank, Index) { ranks.push_back(rank); });
   std::sort(ranks.begin(), ranks.end());
   for (const Index rank : ranks) {
-    if (block.hidden > enough(by_depth_[rank])) continue;
+    if (block.hidden > enough(voxel_of(rank))) continue;
     if (is_over()) {
       open_ = std::min(open_, block.hidden);
       return;
     }
-    consider(by_depth_[rank]);
+    consider(voxel_of(rank));
   }
 }
 
 // Where tiles would take too long or too much memory: blocks that are bounded as a whole.
 void Search::branch() {
-  for (const Candidate& c : candidates_) by_depth_.push_back(c.voxel);
-  std::sort(by_depth_.begin(), by_depth_.end(), [&](Index a, Index b) { return is_deeper(a, b); });
-  ranks_.assign(static_cast<std::size_t>(crop_.size()), -1);
-  const Index n = static_cast<Index>(by_depth_.size());
-  for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  if (!depths_.has_places()) {
+    by_depth_.reserve(static_cast<std::size_t>(n_));
+    for (Index v = 0; v < crop_.size(); ++v) {
+      if (crop_.bytes[v] != 0) by_depth_.push_back(v);
+    }
+    std::sort(by_depth_.begin(), by_depth_.end(), [&](Index a, Index b) { return is_deeper(a, b); });
+    ranks_.assign(static_cast<std::size_t>(crop_.size()), -1);
+    for (Index r = 0; r < n_; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
+  }
   // From the deepest even if more is seen from the other one: where that leads need not be better.
   const Index other = winner_, hidden = least_;
-  if (other != best_.deepest) is_known_[other] = 0;
+  if (other != best_.deepest) is_known_[other] = false;
   winner_ = best_.deepest;
-  least_ = n - best_.deepest_seen;
+  least_ = n_ - best_.deepest_seen;
   climb();
   take(other, hidden);
   Index edge = kSplit;
-  while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
+  while (n_ / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
   for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
   const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
   cut({0, 0, longest, {0, 0, 0}}, edge);
   while (!queue_.empty()) {
     const Block block = queue_.top();
     queue_.pop();
-    if (block.hidden > enough(by_depth_[block.rank])) continue;
+    if (block.hidden > enough(voxel_of(block.rank))) continue;
     if (is_over()) {
       open_ = std::min(open_, block.hidden);
       break;
@@ -443,10 +461,9 @@ void Search::branch() {
 }
 
 BestVoxel Search::run(Index always, Index most_steps) {
-  const Index n = static_cast<Index>(candidates_.size());
   // Only the deepest is needed where it sees all.
   if (least_ > 0 || winner_ != best_.deepest) {
-    limit_ = n <= always ? INT64_MAX : most_steps;
+    limit_ = n_ <= always ? INT64_MAX : most_steps;
     std::unique_ptr<LabelTiles> tiles;
     if (LabelTiles::is_small(crop_)) {
       tiles = std::make_unique<LabelTiles>(crop_);
@@ -460,14 +477,14 @@ BestVoxel Search::run(Index always, Index most_steps) {
     }
   }
   best_.voxel = winner_;
-  best_.n_seen = n - least_;
-  best_.upper = n - std::min(least_, open_);
+  best_.n_seen = n_ - least_;
+  best_.upper = n_ - std::min(least_, open_);
   return best_;
 }
 
 }  // namespace
 
-BestVoxel best_voxel(const Crop& crop, Doubles depths, Index other, Index always, Index most_steps, Stop& stop) {
+BestVoxel best_voxel(const Crop& crop, const Depths& depths, Index other, Index always, Index most_steps, Stop& stop) {
   return Search(crop, depths, other, stop).run(always, most_steps);
 }
 

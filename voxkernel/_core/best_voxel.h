@@ -2,6 +2,7 @@
 #pragma once
 
 #include "label_crop.h"
+#include "label_depth.h"
 #include "spans.h"
 #include "stop.h"
 
@@ -17,9 +18,9 @@ struct BestVoxel {
   Index n_steps = 0;     // voxels looked at
 };
 
-// `depths` are those of `squared_depths`. Of voxels that see equally much the deepest counts, then the first. The
+// Of voxels that see equally much the deepest counts, then the first. The
 // bounds meet for objects of up to `always` voxels, and for others that `most_steps` are enough for. What is seen from
 // `other`, a position in the crop, is told, too.
-BestVoxel best_voxel(const Crop& crop, Doubles depths, Index other, Index always, Index most_steps, Stop& stop);
+BestVoxel best_voxel(const Crop& crop, const Depths& depths, Index other, Index always, Index most_steps, Stop& stop);
 
 }  // namespace voxkernel

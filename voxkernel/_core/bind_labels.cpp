@@ -96,23 +96,36 @@ void bind_labels(nb::module_& m) {
       },
       array("crop"), nb::arg("is_flat"), array("center"), stop_argument(),
       "Number of voxels that a voxel of the object sees.");
+  nb::class_<Depths>(m, "Depths", "Which of two voxels of one crop is deeper.")
+      .def(
+          "__init__",
+          [](Depths* depths, const Image& crop, bool is_flat, Array<const double, 3> spacing, StopFlag* flag) {
+            const Crop object = crop_of(crop, is_flat);
+            without_lock([&](Stop& stop) { new (depths) Depths(object, spacing.data(), stop); }, flag);
+          },
+          array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument());
+  const auto best_of = [](const Image& crop, bool is_flat, const Depths& depths, Index other, Index always,
+                          Index most_steps, StopFlag* flag) {
+    const Crop object = crop_of(crop, is_flat);
+    const BestVoxel best =
+        without_lock([&](Stop& stop) { return best_voxel(object, depths, other, always, most_steps, stop); }, flag);
+    return std::make_tuple(best.voxel, best.n_seen, best.upper, best.deepest, best.deepest_seen, best.other_seen,
+                           best.n_steps);
+  };
   m.def(
-      "best_voxel",
-      [](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index other, Index always,
-         Index most_steps, StopFlag* flag) {
-        const Crop object = crop_of(crop, is_flat);
-        const BestVoxel best = without_lock(
-            [&](Stop& stop) {
-              return best_voxel(object, {depths.data(), object.size()}, other, always, most_steps, stop);
-            },
-            flag);
-        return std::make_tuple(best.voxel, best.n_seen, best.upper, best.deepest, best.deepest_seen, best.other_seen,
-                               best.n_steps);
-      },
-      array("crop"), nb::arg("is_flat"), array("depths"), nb::arg("other"), nb::arg("always"), nb::arg("most_steps"),
-      stop_argument(),
+      "best_voxel", best_of, array("crop"), nb::arg("is_flat"), nb::arg("depths"), nb::arg("other"), nb::arg("always"),
+      nb::arg("most_steps"), stop_argument(),
       "The voxel that sees most, what it sees, a bound on that; the deepest and what it sees; what another one sees, 0 "
       "outside; voxels looked at.");
+  m.def(
+      "best_voxel",
+      [best_of](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index other, Index always,
+                Index most_steps, StopFlag* flag) {
+        const Depths given({depths.data(), crop_of(crop, is_flat).size()});
+        return best_of(crop, is_flat, given, other, always, most_steps, flag);
+      },
+      array("crop"), nb::arg("is_flat"), array("depths"), nb::arg("other"), nb::arg("always"), nb::arg("most_steps"),
+      stop_argument(), "The same for the numbers of `squared_depths`.");
   m.def(
       "ray_lengths",
       [](const Image& crop, bool is_flat, Position center, Array2<const double, 3> directions, bool is_stepped,

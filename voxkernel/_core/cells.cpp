@@ -210,7 +210,7 @@ double CellSolver::star_volume(const double* center, double depth) {
     star_.push(planes_.x[p] / slack, planes_.y[p] / slack, planes_.z[p] / slack);
   }
   double volume, box[6], square = 0.0;
-  if (!star_.measure(kShare, &volume, box)) return -1.0;
+  if (!star_.measure(kShare, {}, &volume, box)) return -1.0;
   for (int axis = 0; axis < 3; ++axis) square += std::max(box[axis] * box[axis], box[axis + 3] * box[axis + 3]);
   return is_thin(depth, 2.0 * std::sqrt(square)) ? -1.0 : 8.0 * volume;
 }

@@ -1,12 +1,16 @@
 #include "label_depth.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 namespace voxkernel {
 namespace {
 
+constexpr Index kSmall = Index{1} << 20;  // voxels, for which eight bytes each do no harm
+constexpr Index kSlab = Index{1} << 21;   // voxels that are worked on at once
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
 // Lower envelope of parabolas, one a voxel of a line (Felzenszwalb and Huttenlocher 2012).
@@ -75,6 +79,56 @@ void first_axis(const std::uint8_t* bytes, double* row, Index n, double spacing)
   }
 }
 
+// The other two axes of a slab of `n` layers along the last one, all of which are known along that.
+void other_axes(const Crop& crop, const double* spacing, double* slab, Index n, Stop& stop) {
+  const Index ni = crop.shape[0], nj = crop.shape[1];
+  Envelope envelope(std::max(ni, nj));
+  for (Index i = 0; i < ni; ++i) {
+    for (Index k = 0; k < n; ++k) envelope.transform(slab + i * nj * n + k, nj, n, spacing[1]);
+    stop.poll(4 * nj * n);
+  }
+  if (crop.is_flat) return;
+  for (Index j = 1; j < nj - 1; ++j) {
+    for (Index k = 0; k < n; ++k) envelope.transform(slab + j * n + k, ni, nj * n, spacing[0]);
+    stop.poll(4 * ni * n);
+  }
+}
+
+// Numbers numbers as they come, from 1: a table with open places.
+class Numbers {
+ public:
+  std::uint32_t of(double value) {
+    if (2 * values_.size() >= table_.size()) grow();
+    std::uint32_t& place = table_[find(value)];
+    if (place == 0) {
+      values_.push_back(value);
+      place = static_cast<std::uint32_t>(values_.size());
+    }
+    return place;
+  }
+  std::vector<double>& values() { return values_; }
+
+ private:
+  static constexpr std::uint64_t kMixing = 0x9E3779B97F4A7C15u;
+
+  std::size_t find(double value) const {
+    std::uint64_t bits;
+    std::memcpy(&bits, &value, sizeof bits);
+    const std::size_t mask = table_.size() - 1;
+    bits *= kMixing;  // the low bits of most numbers are 0
+    std::size_t at = static_cast<std::size_t>((bits ^ bits >> 32) * kMixing >> 32) & mask;
+    while (table_[at] != 0 && values_[table_[at] - 1] != value) at = (at + 1) & mask;
+    return at;
+  }
+  void grow() {
+    table_.assign(2 * table_.size(), 0);
+    for (std::size_t k = 0; k < values_.size(); ++k) table_[find(values_[k])] = static_cast<std::uint32_t>(k + 1);
+  }
+
+  std::vector<double> values_;
+  std::vector<std::uint32_t> table_ = std::vector<std::uint32_t>(1024, 0);
+};
+
 }  // namespace
 
 void squared_depths(const Crop& crop, const double* spacing, Span<double> depths, Stop& stop) {
@@ -83,16 +137,62 @@ void squared_depths(const Crop& crop, const double* spacing, Span<double> depths
     first_axis(crop.bytes.data() + row * nk, depths.data() + row * nk, nk, spacing[2]);
     stop.poll(nk);
   }
-  Envelope envelope(std::max(ni, nj));
-  for (Index i = 0; i < ni; ++i) {
-    for (Index k = 1; k < nk - 1; ++k) envelope.transform(depths.data() + i * nj * nk + k, nj, nk, spacing[1]);
-    stop.poll(4 * nj * nk);
+  other_axes(crop, spacing, depths.data(), nk, stop);
+}
+
+Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) {
+  if (crop.size() <= kSmall) {
+    own_.resize(static_cast<std::size_t>(crop.size()));
+    squared_depths(crop, spacing, own_, stop);
+    squares_ = own_;
+    return;
   }
-  if (crop.is_flat) return;
-  for (Index j = 1; j < nj - 1; ++j) {
-    for (Index k = 1; k < nk - 1; ++k) envelope.transform(depths.data() + j * nk + k, ni, nj * nk, spacing[0]);
-    stop.poll(4 * ni * nk);
+  const Index ni = crop.shape[0], nj = crop.shape[1], nk = crop.shape[2];
+  const Index width = std::max<Index>(1, std::min(nk, kSlab / (ni * nj)));
+  std::vector<double> slab(static_cast<std::size_t>(ni * nj * width)), row(static_cast<std::size_t>(nk));
+  narrow_.resize(static_cast<std::size_t>(crop.size()));
+  Numbers numbers;
+  for (Index first = 0; first < nk; first += width) {
+    const Index n = std::min(width, nk - first);
+    for (Index r = 0; r < ni * nj; ++r) {
+      first_axis(crop.bytes.data() + r * nk, row.data(), nk, spacing[2]);
+      std::copy_n(row.data() + first, n, slab.data() + r * n);
+      stop.poll(nk);
+    }
+    other_axes(crop, spacing, slab.data(), n, stop);
+    for (Index r = 0; r < ni * nj; ++r) {
+      for (Index k = 0; k < n; ++k) {
+        const Index voxel = r * nk + first + k;
+        if (crop.bytes[voxel] != 0) set(voxel, numbers.of(slab[r * n + k]));
+      }
+      stop.poll(n);
+    }
   }
+  std::vector<double>().swap(slab);
+  sort_places(numbers.values(), stop);
+}
+
+void Depths::set(Index voxel, std::uint32_t place) {
+  if (wide_.empty() && place > UINT16_MAX) {
+    wide_.assign(narrow_.begin(), narrow_.end());
+    std::vector<std::uint16_t>().swap(narrow_);
+  }
+  if (wide_.empty()) {
+    narrow_[voxel] = static_cast<std::uint16_t>(place);
+  } else {
+    wide_[voxel] = place;
+  }
+}
+
+// From numbers in the order they came to places in the order of the depths.
+void Depths::sort_places(std::vector<double>& values, Stop& stop) {
+  std::vector<std::uint32_t> order(values.size()), places(values.size() + 1, 0);
+  std::iota(order.begin(), order.end(), std::uint32_t{0});
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return values[a] < values[b]; });
+  for (std::size_t k = 0; k < order.size(); ++k) places[order[k] + 1] = static_cast<std::uint32_t>(k + 1);
+  for (std::uint16_t& place : narrow_) place = static_cast<std::uint16_t>(places[place]);
+  for (std::uint32_t& place : wide_) place = places[place];
+  stop.poll(static_cast<Index>(narrow_.size() + wide_.size()));
 }
 
 }  // namespace voxkernel

@@ -82,6 +82,19 @@ constexpr Index kUp = Index{1} << 40;
 Index last_row(Index q, int bits) { return ((q + kUp) >> bits) - (kUp >> bits); }
 Index first_row(Index q, int bits) { return last_row(q + (Index{1} << bits) - 1, bits); }
 
+template <typename Count>
+std::vector<Count> sums_along_rows(const Crop& crop) {
+  std::vector<Count> sums(static_cast<std::size_t>(crop.size()));
+  const Index nk = crop.shape[2];
+  for (Index row = 0; row < crop.shape[0] * crop.shape[1]; ++row) {
+    const std::uint8_t* bytes = crop.bytes.data() + row * nk;
+    Count* to = sums.data() + row * nk;
+    Count sum = 0;
+    for (Index k = 0; k < nk; ++k) to[k] = sum = static_cast<Count>(sum + (bytes[k] != 0 ? 1 : 0));
+  }
+  return sums;
+}
+
 }  // namespace
 
 void ray_lengths(const Crop& crop, const Index* center, Points directions, RayEnd end, Span<double> lengths,
@@ -95,13 +108,11 @@ void ray_lengths(const Crop& crop, const Index* center, Points directions, RayEn
   }
 }
 
-StarRaster::StarRaster(const Crop& crop) : crop_(crop), before_(static_cast<std::size_t>(crop.size())) {
-  const Index nk = crop.shape[2];
-  for (Index row = 0; row < crop.shape[0] * crop.shape[1]; ++row) {
-    const std::uint8_t* bytes = crop.bytes.data() + row * nk;
-    std::int32_t* before = before_.data() + row * nk;
-    std::int32_t sum = 0;
-    for (Index k = 0; k < nk; ++k) before[k] = sum += bytes[k] != 0 ? 1 : 0;
+StarRaster::StarRaster(const Crop& crop) : crop_(crop) {
+  if (crop.shape[2] <= UINT16_MAX) {
+    before_ = sums_along_rows<std::uint16_t>(crop);
+  } else {
+    long_before_ = sums_along_rows<std::int32_t>(crop);
   }
 }
 
@@ -113,7 +124,7 @@ void StarRaster::pass(Index i, Index j, double x, bool leaves) {
   const Index size = k - (low_[2] - 1);
   Index common = 0;
   if (i >= 0 && i < crop_.shape[0] && j >= 0 && j < crop_.shape[1] && k >= 0) {
-    common = before_[crop_.flat(i, j, std::min(k, crop_.shape[2] - 1))];
+    common = before(crop_.flat(i, j, std::min(k, crop_.shape[2] - 1)));
   }
   count_.size += leaves ? size : -size;
   count_.common += leaves ? common : -common;

@@ -1,6 +1,7 @@
 // Rays from a voxel to the end of its object, and how well the star-shaped body they span agrees with it.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "label_crop.h"
@@ -37,7 +38,10 @@ class StarRaster {
   void pass(Index i, Index j, double x, bool leaves);
 
   Crop crop_;
-  std::vector<std::int32_t> before_;  // voxels of the object in a row up to and with each
+  Index before(Index voxel) const { return before_.empty() ? long_before_[voxel] : before_[voxel]; }
+
+  std::vector<std::uint16_t> before_;      // voxels of the object in a row up to and with each
+  std::vector<std::int32_t> long_before_;  // the same where rows are too long
   Index center_[3] = {0, 0, 0}, low_[3] = {0, 0, 0}, high_[3] = {0, 0, 0};
   StarCount count_;
 };

@@ -41,24 +41,36 @@ Word run_of(Word of, Word seed) {
   return gaps == 0 ? below : below & ~to_bit(highest_bit(gaps));
 }
 
-// Ones spread by `reach` along an axis of bytes.
-void widen(std::vector<std::uint8_t>& bytes, const Index* shape, const Index* strides, int axis, Index reach) {
-  const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-  const Index n = shape[axis], stride = strides[axis];
-  std::vector<std::uint8_t> line(static_cast<std::size_t>(n));
-  for (Index p = 0; p < shape[b]; ++p) {
-    for (Index q = 0; q < shape[c]; ++q) {
-      std::uint8_t* first = bytes.data() + p * strides[b] + q * strides[c];
-      Index after = 0;  // first place that is not filled yet
-      std::fill(line.begin(), line.end(), std::uint8_t{0});
-      for (Index k = 0; k < n; ++k) {
-        if (first[k * stride] == 0) continue;
-        const Index last = std::min(k + reach, n - 1);
-        for (Index m = std::max(after, k - reach); m <= last; ++m) line[m] = 1;
-        after = last + 1;
-      }
-      for (Index k = 0; k < n; ++k) first[k * stride] = line[k];
+// Ones spread by `reach` along a line of `n` groups of words, `stride` words from one to the next. What has spread by c
+// already may be moved by up to 2 c + 1 without leaving gaps.
+void widen_across(Word* words, Index n, Index stride, Index group, Index reach, std::vector<Word>& line) {
+  line.resize(static_cast<std::size_t>(n * group));
+  for (Index c = 0; c < reach;) {
+    const Index by = std::min(2 * c + 1, reach - c);
+    for (Index i = 0; i < n; ++i) std::copy_n(words + i * stride, group, line.data() + i * group);
+    for (Index i = 0; i < n; ++i) {
+      Word* to = words + i * stride;
+      const Word* own = line.data() + i * group;
+      for (Index w = 0; i >= by && w < group; ++w) to[w] |= own[w - by * group];
+      for (Index w = 0; i + by < n && w < group; ++w) to[w] |= own[w + by * group];
     }
+    c += by;
+  }
+}
+
+// The same along the bits of a row.
+void widen_along(Word* row, Index n_words, Index n_bits, Index reach, std::vector<Word>& line) {
+  line.resize(static_cast<std::size_t>(n_words + 2));
+  for (Index c = 0; c < reach;) {
+    const Index by = std::min(std::min(2 * c + 1, reach - c), kBits - 1);
+    line.front() = line.back() = 0;
+    std::copy_n(row, n_words, line.data() + 1);
+    for (Index w = 0; w < n_words; ++w) {
+      const Word* own = line.data() + 1 + w;
+      row[w] |= own[0] << by | own[-1] >> (kBits - by) | own[0] >> by | own[1] << (kBits - by);
+    }
+    if (n_bits % kBits != 0) row[n_words - 1] &= to_bit(n_bits % kBits - 1);
+    c += by;
   }
 }
 
@@ -88,7 +100,7 @@ LabelRows::LabelRows(const Crop& crop, Index reach) {
   strides_[1] = n_words_ * kBits;
   strides_[2] = 1;
   const Index n_rows = shape_[0] * shape_[1];
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(n_rows * strides_[1]), 0);
+  targets_.assign(static_cast<std::size_t>(n_rows * n_words_), 0);
   Index steps[3];
   for (int a = 0; a < 3; ++a) steps[axes_[a]] = strides_[a];
   Index start = 0;
@@ -96,25 +108,23 @@ LabelRows::LabelRows(const Crop& crop, Index reach) {
   for (Index i = 0; i < crop.shape[0]; ++i) {
     for (Index j = 0; j < crop.shape[1]; ++j) {
       const std::uint8_t* from = crop.bytes.data() + crop.flat(i, j, 0);
-      std::uint8_t* to = bytes.data() + start + i * steps[0] + j * steps[1];
-      for (Index k = 0; k < crop.shape[2]; ++k) to[k * steps[2]] = from[k] != 0 ? 1 : 0;
+      Index to = start + i * steps[0] + j * steps[1];
+      for (Index k = 0; k < crop.shape[2]; ++k, to += steps[2]) {
+        targets_[to / kBits] |= Word{from[k] != 0 ? 1u : 0u} << (to % kBits);
+      }
     }
   }
-  const auto as_words = [&] {
-    std::vector<Word> words(static_cast<std::size_t>(n_rows * n_words_));
-    for (std::size_t w = 0; w < words.size(); ++w) {
-      const std::uint8_t* byte = bytes.data() + w * kBits;
-      Word word = 0;
-      for (Index k = 0; k < kBits; ++k) word |= Word{byte[k]} << k;
-      words[w] = word;
-    }
-    return words;
-  };
-  targets_ = as_words();
-  for (int a = 0; a < 3; ++a) {
-    if (margin_[a] > 0) widen(bytes, shape_, strides_, a, reach);
+  open_ = targets_;
+  std::vector<Word> line;
+  if (margin_[2] > 0) {
+    for (Index r = 0; r < n_rows; ++r) widen_along(open_.data() + r * n_words_, n_words_, shape_[2], reach, line);
   }
-  open_ = reach > 0 ? as_words() : targets_;
+  for (Index i = 0; margin_[1] > 0 && i < shape_[0]; ++i) {
+    widen_across(open_.data() + i * shape_[1] * n_words_, shape_[1], n_words_, n_words_, reach, line);
+  }
+  for (Index j = 0; margin_[0] > 0 && j < shape_[1]; ++j) {
+    widen_across(open_.data() + j * n_words_, shape_[0], shape_[1] * n_words_, n_words_, reach, line);
+  }
   seen_.assign(open_.size(), 0);
   walls_.assign(static_cast<std::size_t>(2 * n_rows), Wall{0, 0, 0, -1});
   is_open_.assign(static_cast<std::size_t>(n_rows), 0);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "avx2.h"
 #include "octahedron.h"
@@ -9,31 +10,47 @@
 namespace voxkernel {
 namespace {
 
-constexpr std::size_t kAtOnce = 64;
 constexpr double kBeyond = 1e-12;  // points nearer to a plane count as behind it
+constexpr double kOnHull = 1e-10;  // points nearer to the hull may be left out where they do not fit
+constexpr double kTurned = 1e-14;  // triangles with less volume, for the farthest point, may turn the other way
+constexpr double kOtherOrder = 0.01;
+constexpr std::int32_t kSides = 6;
+constexpr std::size_t kFew = 192;  // so many triangles are looked at one by one
+constexpr std::size_t kAtOnce = 64;
+constexpr int kMostSteps = 200;  // of a walk over triangles
+constexpr std::int32_t kNext[5] = {0, 1, 2, 0, 1};
 
-double determinant(const double* u, const double* v, const double* w) {
-  return u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) + u[2] * (v[0] * w[1] - v[1] * w[0]);
+template <typename P>
+VOXKERNEL_ALWAYS_INLINE double dot(const P& u, const P& v) {
+  return u.x * v.x + u.y * v.y + u.z * v.z;
+}
+template <typename P>
+VOXKERNEL_ALWAYS_INLINE P cross(const P& u, const P& v) {
+  return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+}
+template <typename P>
+VOXKERNEL_ALWAYS_INLINE P minus(const P& u, const P& v) {
+  return {u.x - v.x, u.y - v.y, u.z - v.z};
 }
 
-// How many of some points are beyond the plane n . q = limit.
-VOXKERNEL_ALWAYS_INLINE std::int64_t count_beyond(const double* x, const double* y, const double* z, std::size_t size,
-                                                  const double* n, double limit) {
-  const double nx = n[0], ny = n[1], nz = n[2];
+// How many of some planes n . q = limit a point is beyond.
+VOXKERNEL_ALWAYS_INLINE std::int64_t count_beyond(const double* nx, const double* ny, const double* nz,
+                                                  std::size_t size, const double* q, double limit) {
+  const double x = q[0], y = q[1], z = q[2];
   std::int64_t count = 0;
-  for (std::size_t p = 0; p < size; ++p) count += nx * x[p] + ny * y[p] + nz * z[p] > limit ? 1 : 0;
+  for (std::size_t t = 0; t < size; ++t) count += x * nx[t] + y * ny[t] + z * nz[t] > limit ? 1 : 0;
   return count;
 }
 
-std::int64_t count_plain(const double* x, const double* y, const double* z, std::size_t size, const double* n,
+std::int64_t count_plain(const double* nx, const double* ny, const double* nz, std::size_t size, const double* q,
                          double limit) {
-  return count_beyond(x, y, z, size, n, limit);
+  return count_beyond(nx, ny, nz, size, q, limit);
 }
 
 #ifdef VOXKERNEL_HAS_AVX2
-VOXKERNEL_AVX2 std::int64_t count_wide(const double* x, const double* y, const double* z, std::size_t size,
-                                       const double* n, double limit) {
-  return count_beyond(x, y, z, size, n, limit);
+VOXKERNEL_AVX2 std::int64_t count_wide(const double* nx, const double* ny, const double* nz, std::size_t size,
+                                       const double* q, double limit) {
+  return count_beyond(nx, ny, nz, size, q, limit);
 }
 const auto count_fast = has_avx2 ? count_wide : count_plain;
 #else
@@ -43,171 +60,335 @@ const auto count_fast = count_plain;
 }  // namespace
 
 void StarHull::clear() {
-  for (std::vector<double>* column : {&x_, &y_, &z_}) column->assign(6, 0.0);
-  std::vector<double>* const columns[3] = {&x_, &y_, &z_};
-  for (int side = 0; side < 6; ++side) (*columns[side / 2])[side] = side % 2 == 0 ? 0.5 : -0.5;
+  points_.assign(kSides, Point{0.0, 0.0, 0.0});
+  for (int side = 0; side < kSides; ++side) {
+    Point& p = points_[side];
+    (side < 2 ? p.x : side < 4 ? p.y : p.z) = side % 2 == 0 ? 0.5 : -0.5;
+  }
 }
 
-void StarHull::push(double x, double y, double z) {
-  x_.push_back(x);
-  y_.push_back(y);
-  z_.push_back(z);
-}
+void StarHull::push(double x, double y, double z) { points_.push_back({x, y, z}); }
 
 // The sides of the cube: an octahedron about the origin.
 void StarHull::begin() {
-  const std::size_t n = x_.size();
-  triangles_.assign(8, Triangle{});
-  marks_.assign(8, 0);
-  for (std::vector<double>* column : {&nx_, &ny_, &nz_}) column->assign(8, 0.0);
+  triangles_.resize(8);
   free_.clear();
-  slots_.assign(n, -1);
-  stamps_.assign(n, 0);
-  stamp_ = 0;
-  for (std::int32_t t = 0; t < 8; ++t) place(t, kOctahedron[t][0], kOctahedron[t][1], kOctahedron[t][2]);
+  slots_.assign(points_.size(), -1);
+  stamps_.assign(points_.size(), 0);
+  stamp_ = last_ = 0;
+  is_turned_ = true;
+  least_ = kTurned * farthest_ * std::sqrt(farthest_);
+  for (std::int32_t t = 0; t < 8; ++t) {
+    Triangle& triangle = triangles_[t];
+    triangle.mark = 0;
+    std::copy_n(kOctahedron[t], 3, triangle.corner);
+    plane_of(points_[triangle.corner[0]], points_[triangle.corner[1]], points_[triangle.corner[2]], &triangle.n);
+  }
   link_octahedron(triangles_.data());
+  for (std::vector<double>* column : {&nx_, &ny_, &nz_}) column->clear();
+  for (const Triangle& t : triangles_) {
+    nx_.push_back(t.n.x);
+    ny_.push_back(t.n.y);
+    nz_.push_back(t.n.z);
+  }
 }
 
-// False where the triangle does not certainly turn about the origin.
-bool StarHull::place(std::int32_t at, std::int32_t a, std::int32_t b, std::int32_t c) {
-  triangles_[at].corner[0] = a;
-  triangles_[at].corner[1] = b;
-  triangles_[at].corner[2] = c;
-  const double u[3] = {x_[a], y_[a], z_[a]};
-  const double v[3] = {x_[b] - u[0], y_[b] - u[1], z_[b] - u[2]}, w[3] = {x_[c] - u[0], y_[c] - u[1], z_[c] - u[2]};
-  const double n[3] = {v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]};
-  const double d = n[0] * u[0] + n[1] * u[1] + n[2] * u[2];
-  nx_[at] = n[0] / d;
-  ny_[at] = n[1] / d;
-  nz_[at] = n[2] / d;
-  return d > 0.0;
+// The nearest planes first: most of the others are then behind what is there. Their squares as floats tell enough;
+// positive ones are in the order of their bits.
+void StarHull::sort_by_distance(double spread) {
+  order_.clear();
+  farthest_ = 0.25;
+  for (std::int32_t p = kSides; p < static_cast<std::int32_t>(points_.size()); ++p) {
+    const double square = dot(points_[p], points_[p]);
+    farthest_ = std::max(farthest_, square);
+    const float rounded = static_cast<float>(square * (1.0 + spread * (p % 8)));
+    std::uint32_t bits;
+    std::memcpy(&bits, &rounded, sizeof bits);
+    order_.push_back(static_cast<std::uint64_t>(~bits) << 32 | static_cast<std::uint32_t>(p));
+  }
+  std::sort(order_.begin(), order_.end());
 }
 
-// All triangles that the point is beyond make way for those from it to their border, which has to be one ring.
-bool StarHull::insert(std::int32_t point) {
-  const double x = x_[point], y = y_[point], z = z_[point];
+// False where the triangle does not turn about the origin.
+bool StarHull::plane_of(const Point& a, const Point& b, const Point& c, Point* n) {
+  const Point u = cross(minus(b, a), minus(c, a));
+  const double d = dot(u, a);
+  if (!(d > 0.0)) return false;
+  if (!(d > least_)) is_turned_ = false;
+  const double share = 1.0 / d;
+  *n = {u.x * share, u.y * share, u.z * share};
+  return true;
+}
+
+// A triangle that is likely to be close: where the point was before, or one of those near it.
+std::int32_t StarHull::hint_for(std::int32_t point, const Nearby& nearby) const {
+  const auto is_there = [&](std::int32_t slot) { return slot >= 0 && triangles_[slot].corner[0] >= 0; };
+  if (is_there(slots_[point])) return slots_[point];
+  if (point < kSides || nearby.empty()) return last_;
+  for (const std::int32_t other : nearby[point - kSides]) {
+    if (is_there(slots_[kSides + other])) return slots_[kSides + other];
+  }
+  return last_;
+}
+
+// The first of few triangles that the point is beyond; -1 where there is none.
+std::int32_t StarHull::first_beyond(const Point& q, double limit) const {
   const std::size_t n = triangles_.size();
-  const double q[3] = {x, y, z};
-  const auto is_beyond = [&](std::size_t t) { return x * nx_[t] + y * ny_[t] + z * nz_[t] > 1.0 + kBeyond; };
-  std::size_t first = 0;
-  while (first < n &&
-         count_fast(&nx_[first], &ny_[first], &nz_[first], std::min(kAtOnce, n - first), q, 1.0 + kBeyond) == 0) {
-    first += kAtOnce;
+  const double at[3] = {q.x, q.y, q.z};
+  for (std::size_t first = 0; first < n; first += kAtOnce) {
+    if (count_fast(&nx_[first], &ny_[first], &nz_[first], std::min(kAtOnce, n - first), at, limit) == 0) continue;
+    while (!(dot(q, triangles_[first].n) > limit)) ++first;
+    return static_cast<std::int32_t>(first);
   }
-  if (first >= n) return true;
-  while (!is_beyond(first)) ++first;
+  return -1;
+}
+
+// Climbs, over triangles that the point is ever farther beyond, to one that it is certainly beyond: mostly the first,
+// or close to it. Else gives the one over which the point is, to which it then walks; -1 where rounding leads it in
+// circles.
+std::int32_t StarHull::seed_for(const Point& q, std::int32_t hint) const {
+  std::int32_t at = hint;
+  double here = dot(q, triangles_[at].n);
+  while (!(here > 1.0 + kBeyond)) {
+    const std::int32_t* across = triangles_[at].across;
+    const double a = dot(q, triangles_[across[0]].n), b = dot(q, triangles_[across[1]].n);
+    const double c = dot(q, triangles_[across[2]].n), best = std::max(a, std::max(b, c));
+    if (!(best > here)) return locate(q, at);
+    at = best == a ? across[0] : best == b ? across[1] : across[2];
+    here = best;
+  }
+  return at;
+}
+
+std::int32_t StarHull::locate(const Point& q, std::int32_t hint) const {
+  std::int32_t at = hint;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const Triangle& t = triangles_[at];
+    const Point &a = points_[t.corner[0]], &b = points_[t.corner[1]], &c = points_[t.corner[2]];
+    const double sides[3] = {dot(q, cross(b, c)), dot(q, cross(c, a)), dot(q, cross(a, b))};
+    const int k = sides[0] < sides[1] ? (sides[0] < sides[2] ? 0 : 2) : (sides[1] < sides[2] ? 1 : 2);
+    if (!(sides[k] < 0.0)) return at;
+    at = t.across[k];
+  }
+  return -1;
+}
+
+// All triangles that the point is beyond, and their border: false where that is not one ring.
+bool StarHull::trace(std::int32_t seed, const Point& q) {
   ++stamp_;
-  seen_.assign(1, static_cast<std::int32_t>(first));
-  marks_[first] = stamp_;
-  for (std::size_t i = 0; i < seen_.size(); ++i) {
-    for (const std::int32_t other : triangles_[seen_[i]].across) {
-      if (marks_[other] == stamp_ || !is_beyond(static_cast<std::size_t>(other))) continue;
-      marks_[other] = stamp_;
-      seen_.push_back(other);
-    }
+  const std::size_t most = 3 * triangles_.size() + 3;
+  if (open_.size() < most) {
+    open_.resize(most);
+    horizon_.resize(most);
+    seen_.resize(most);
   }
-  horizon_.clear();
-  for (const std::int32_t current : seen_) {
-    const Triangle& t = triangles_[current];
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t outside = t.across[k];
-      if (marks_[outside] == stamp_) continue;
-      std::int32_t back = 0;
-      while (triangles_[outside].across[back] != current) ++back;
-      horizon_.push_back({t.corner[(k + 1) % 3], t.corner[(k + 2) % 3], outside, back});
-    }
-  }
-  if (horizon_.size() < 3) return false;
-  fresh_.clear();
-  bool is_good = true;
-  for (const Edge& edge : horizon_) {
-    std::int32_t at;
-    if (!seen_.empty()) {
-      at = seen_.back();
-      seen_.pop_back();
-    } else if (!free_.empty()) {
-      at = free_.back();
-      free_.pop_back();
+  Edge* const open = open_.data();
+  Triangle* const triangles = triangles_.data();
+  std::int32_t n_open = 0, n_seen = 0, n_border = 0;
+  const auto put = [&](std::int32_t current, int k) {
+    const Triangle& t = triangles[current];
+    open[n_open++] = {t.corner[kNext[k + 1]], t.corner[kNext[k + 2]], t.across[k], current};
+  };
+  seen_[n_seen++] = seed;
+  triangles[seed].mark = stamp_;
+  for (int k = 2; k >= 0; --k) put(seed, k);
+  while (n_open > 0) {
+    Edge edge = open[--n_open];
+    Triangle& t = triangles[edge.outside];
+    if (t.mark == stamp_) continue;
+    edge.back = t.across[0] == edge.back ? 0 : t.across[1] == edge.back ? 1 : 2;
+    const double beyond = dot(q, t.n) - 1.0;
+    if (beyond > kBeyond) {
+      excess_ = std::max(excess_, beyond);
+      t.mark = stamp_;
+      seen_[n_seen++] = edge.outside;
+      put(edge.outside, kNext[edge.back + 2]);
+      put(edge.outside, kNext[edge.back + 1]);
     } else {
-      at = static_cast<std::int32_t>(triangles_.size());
+      horizon_[n_border++] = edge;
+    }
+  }
+  n_seen_ = n_seen;
+  n_border_ = n_border;
+  if (n_border < 3) return false;
+  std::int32_t before = horizon_[n_border - 1].to;
+  bool is_ring = true;
+  for (std::int32_t i = 0; i < n_border; ++i) {
+    const Edge& edge = horizon_[i];
+    is_ring = is_ring && edge.from == before && stamps_[edge.from] != stamp_;
+    stamps_[edge.from] = stamp_;
+    before = edge.to;
+  }
+  return is_ring;
+}
+
+void StarHull::clear_triangle(std::int32_t at) {
+  triangles_[at].n = {0.0, 0.0, 0.0};
+  triangles_[at].corner[0] = -1;
+  nx_[at] = ny_[at] = nz_[at] = 0.0;
+}
+
+// All triangles that the point is beyond make way for those from it to their border.
+bool StarHull::insert(std::int32_t point, std::int32_t hint) {
+  const Point q = points_[point];
+  const bool is_small = triangles_.size() <= kFew;
+  const std::int32_t seed = is_small ? first_beyond(q, 1.0 + kBeyond) : seed_for(q, hint);
+  if (seed < 0) return is_small;
+  last_ = seed;
+  excess_ = dot(q, triangles_[seed].n) - 1.0;
+  if (!(excess_ > kBeyond)) {
+    slots_[point] = seed;
+    return true;
+  }
+  bool is_good = trace(seed, q);
+  const std::int32_t n = n_border_;
+  if (static_cast<std::int32_t>(planes_.size()) < n) {
+    planes_.resize(2 * n);
+  }
+  for (std::int32_t i = 0; is_good && i < n; ++i) {
+    is_good = plane_of(points_[horizon_[i].from], points_[horizon_[i].to], q, &planes_[i]);
+  }
+  if (!is_good) return excess_ < kOnHull;
+  for (; n_seen_ < n; ++n_seen_) {
+    if (free_.empty()) {
+      free_.push_back(static_cast<std::int32_t>(triangles_.size()));
       triangles_.push_back({});
-      marks_.push_back(0);
       for (std::vector<double>* column : {&nx_, &ny_, &nz_}) column->push_back(0.0);
     }
-    is_good = place(at, edge.from, edge.to, point) && is_good && stamps_[edge.from] != stamp_;
-    triangles_[at].across[2] = edge.outside;
+    seen_[n_seen_] = free_.back();
+    free_.pop_back();
+  }
+  const std::int32_t* const fresh = seen_.data();
+  for (std::int32_t i = 0; i < n; ++i) {
+    const Edge& edge = horizon_[i];
+    const std::int32_t at = fresh[i];
+    triangles_[at] = {planes_[i],
+                      {edge.from, edge.to, point},
+                      {fresh[i + 1 < n ? i + 1 : 0], fresh[i > 0 ? i - 1 : n - 1], edge.outside},
+                      0};
+    nx_[at] = planes_[i].x;
+    ny_[at] = planes_[i].y;
+    nz_[at] = planes_[i].z;
     triangles_[edge.outside].across[edge.back] = at;
     slots_[edge.from] = at;
-    stamps_[edge.from] = stamp_;
-    fresh_.push_back(at);
   }
-  for (const std::int32_t gone : seen_) {
-    nx_[gone] = ny_[gone] = nz_[gone] = 0.0;
-    free_.push_back(gone);
+  slots_[point] = last_ = fresh[0];
+  for (std::int32_t i = n; i < n_seen_; ++i) {
+    clear_triangle(seen_[i]);
+    free_.push_back(seen_[i]);
   }
-  for (std::size_t i = 0; i < horizon_.size(); ++i) {
-    const std::int32_t to = horizon_[i].to;
-    if (stamps_[to] != stamp_) return false;
-    triangles_[fresh_[i]].across[0] = slots_[to];
-    triangles_[slots_[to]].across[1] = fresh_[i];
+  return true;
+}
+
+// Each edge once, with the triangle on its left in `back`.
+void StarHull::list_edges() {
+  edges_.resize(3 * triangles_.size() + 1);
+  std::size_t n = 0;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(triangles_.size()); ++i) {
+    const Triangle& t = triangles_[i];
+    if (t.corner[0] < 0) continue;
+    for (int k = 0; k < 3; ++k) {
+      edges_[n] = {t.corner[kNext[k + 1]], t.corner[kNext[k + 2]], t.across[k], i};
+      n += t.across[k] > i ? 1 : 0;
+    }
   }
-  std::size_t length = 1;
-  for (std::int32_t at = triangles_[fresh_[0]].across[0]; at != fresh_[0]; at = triangles_[at].across[0]) {
-    if (++length > fresh_.size()) return false;
-  }
-  return is_good && length == fresh_.size();
+  edges_.resize(n);
 }
 
 // Every ray from the origin meets a triangle, as they close about it, all turned outwards. If no point is farther than
 // `share` e beyond any of their planes, these bound a body D with D <= hull <= (1 + e) D, and the corners n of the
 // triangles span one that is as near to the body looked for.
-bool StarHull::is_right(double share) const {
-  for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    const double n[3] = {nx_[t], ny_[t], nz_[t]};
-    if (n[0] == 0.0 && n[1] == 0.0 && n[2] == 0.0) continue;
-    for (const std::int32_t c : triangles_[t].corner) {
-      if (c < 6 || !(n[0] * x_[c] + n[1] * y_[c] + n[2] * z_[c] >= 1.0 - share)) return false;
+bool StarHull::is_right(double share, const Nearby& nearby) {
+  rests_.resize(triangles_.size());
+  for (std::size_t i = 0; i < triangles_.size(); ++i) {
+    const Triangle& t = triangles_[i];
+    if (t.corner[0] < 0) continue;
+    double rest = 0.0;
+    for (const std::int32_t c : t.corner) {
+      const double off = dot(t.n, points_[c]) - 1.0;
+      if (c < kSides || !(off >= -share)) return false;
+      rest = std::max(rest, std::abs(off));
     }
-    if (count_fast(x_.data(), y_.data(), z_.data(), x_.size(), n, 1.0 + share) != 0) return false;
+    rests_[i] = rest;
   }
-  return true;
+  return (triangles_.size() > kFew && is_convex(share, nearby)) || has_none_beyond(share);
+}
+
+// Whether a triangle has this corner; `slots_` then names one, as every change about a corner renews its entry.
+bool StarHull::is_corner(std::int32_t point) const {
+  if (slots_[point] < 0) return false;
+  const std::int32_t* corner = triangles_[slots_[point]].corner;
+  return corner[0] >= 0 && (corner[0] == point || corner[1] == point || corner[2] == point);
+}
+
+// Whether that follows from the edges alone. Let q be in the cone over triangle t', and a way lead straight from
+// triangle t to q. Where it goes from one triangle with plane n to the next with n' over the edge from a to b, n' - n
+// is s m, with the unit normal m of the plane of a, b and the origin, and a rest: as both planes are off a and b by r
+// at most, it changes the value at q by r |q| (|a| + |b|) / |a x b| or less. As q is on the far side of that plane, n'
+// . q
+// - n . q >= min(s, 0) |q| - rest. A way crosses an edge once, so that n . q of t exceeds n' . q of t' by no more than
+// the sum over all edges; and that of t' is looked up for every point that is no corner.
+bool StarHull::is_convex(double share, const Nearby& nearby) const {
+  if (!is_turned_) return false;
+  const double reach = std::sqrt(farthest_);
+  double sum = 0.0, worst = 0.0;
+  for (const Edge& edge : edges_) {
+    const Triangle &t = triangles_[edge.back], &other = triangles_[edge.outside];
+    const Point m = cross(points_[edge.from], points_[edge.to]);  // the first triangle is on the side it points to
+    const double bend = dot(minus(other.n, t.n), m);              // > 0 where the edge is hollow
+    const double rest = std::max(rests_[edge.back], rests_[edge.outside]);
+    sum += (std::max(bend, 0.0) + 4.0 * reach * (rest + 4e-16 * reach)) / std::sqrt(dot(m, m));
+  }
+  if (!(sum * reach < 0.5 * share)) return false;
+  for (std::int32_t p = 0; p < static_cast<std::int32_t>(points_.size()); ++p) {
+    if (is_corner(p)) continue;
+    const std::int32_t t = locate(points_[p], hint_for(p, nearby));
+    if (t < 0) return false;
+    worst = std::max(worst, dot(points_[p], triangles_[t].n));
+  }
+  return worst < 1.0 + 0.5 * share;
+}
+
+// Whether no point is more than `share` beyond any triangle.
+bool StarHull::has_none_beyond(double share) const {
+  return std::all_of(points_.begin(), points_.end(), [&](const Point& p) { return first_beyond(p, 1.0 + share) < 0; });
 }
 
 // Cones from the origin over the faces, each cut at the foot of the origin in its plane; an edge of the body runs
-// between the corners of two triangles, and has a face on either side.
-double StarHull::volume() const {
+// between the corners n of two triangles, and has a face on either side.
+double StarHull::volume() {
   double sum = 0.0;
-  for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    const double here[3] = {nx_[t], ny_[t], nz_[t]};
-    if (here[0] == 0.0 && here[1] == 0.0 && here[2] == 0.0) continue;
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t other = triangles_[t].across[k];
-      const double there[3] = {nx_[other], ny_[other], nz_[other]};
-      const std::int32_t c = triangles_[t].corner[(k + 1) % 3];
-      const double square = x_[c] * x_[c] + y_[c] * y_[c] + z_[c] * z_[c];
-      const double foot[3] = {x_[c] / square, y_[c] / square, z_[c] / square};
-      sum += determinant(foot, there, here);
-    }
+  feet_.clear();
+  for (const Point& q : points_) {
+    const double share = 1.0 / dot(q, q);
+    feet_.push_back({q.x * share, q.y * share, q.z * share});
+  }
+  for (const Edge& edge : edges_) {
+    const Point between = cross(triangles_[edge.outside].n, triangles_[edge.back].n);
+    sum += dot(minus(feet_[edge.from], feet_[edge.to]), between);
   }
   return sum / 6.0;
 }
 
-bool StarHull::measure(double share, double* volume, double* box) {
+bool StarHull::make(double spread, double share, const Nearby& nearby) {
+  sort_by_distance(spread);
   begin();
-  // The nearest planes first: most of the others are then behind what is there.
-  const std::int32_t n = static_cast<std::int32_t>(x_.size());
-  std::vector<std::pair<double, std::int32_t>>& order = order_;
-  order.clear();
-  for (std::int32_t p = 6; p < n; ++p) order.push_back({-(x_[p] * x_[p] + y_[p] * y_[p] + z_[p] * z_[p]), p});
-  std::sort(order.begin(), order.end());
-  for (const auto& entry : order) {
-    if (!insert(entry.second)) return false;
+  for (const std::uint64_t entry : order_) {
+    const std::int32_t p = static_cast<std::int32_t>(entry & 0xffffffffu);
+    if (!insert(p, hint_for(p, nearby))) return false;
   }
-  if (!is_right(share)) return false;
+  list_edges();
+  return is_right(share, nearby);
+}
+
+// Points that are nearly in one plane make thin triangles, which another order may not: there is a second try.
+bool StarHull::measure(double share, const Nearby& nearby, double* volume, double* box) {
+  if (!make(0.0, share, nearby) && !make(kOtherOrder, share, nearby)) return false;
   *volume = this->volume();
   std::fill_n(box, 6, 0.0);
-  for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    const double corner[3] = {nx_[t], ny_[t], nz_[t]};
+  for (const Triangle& t : triangles_) {
+    if (t.corner[0] < 0) continue;
+    const double corner[3] = {t.n.x, t.n.y, t.n.z};
     for (int a = 0; a < 3; ++a) {
       box[a] = std::min(box[a], corner[a]);
       box[3 + a] = std::max(box[3 + a], corner[a]);

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
 from voxkernel.cli.messages import option_names, spoken
-from voxkernel.cli.output import UsageError, display, say
+from voxkernel.cli.output import UsageError, display, report_error
 
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
@@ -65,7 +66,8 @@ def run(args: argparse.Namespace) -> int:
         with shown(quiet=args.quiet) as progress:
             result = evaluate(args.images, output=args.output, settings=settings, progress=progress)
     except BadInput as error:
-        raise UsageError(str(error)) from error
+        words = str(error).replace("`paths` must lead to at least one mesh", "IMAGE must lead to a label image")
+        raise UsageError(words) from error
     page = Path(args.output) / "report.html"
     with args.stage("writing the report"):
         summary = write_report(page, args.output)
@@ -74,9 +76,13 @@ def run(args: argparse.Namespace) -> int:
             _write_map(args, settings)
     names = option_names(args.parser)
     for entry in summary["failures"]["rows"]:
-        say(f"{display(entry['file'])}: {display(spoken(entry['reason'], names))}", quiet=args.quiet)
-    failed = f"; failed: {result.n_failed}" if result.n_failed else ""
-    print(f"{display(args.output)}: {_words(summary.get('objects'))}{failed}")
+        reason = re.sub("^(Value|Type)Error: (?=[`'])", "", entry["reason"])  # our own words
+        reason = spoken(reason, names).removeprefix(f"'{entry['file']}' ").removeprefix(f"'{entry['file']}': ")
+        report_error(f"{display(entry['file'])}: {display(reason)}")
+    words = [_words(summary.get("objects"))] if result.n_ok else []
+    if result.n_failed:
+        words.append(f"{result.n_failed} of {result.n_ok + result.n_failed} images failed")
+    print(f"{display(args.output)}: {'; '.join(words)}")
     return 1 if result.n_failed else 0
 
 

@@ -193,7 +193,7 @@ def run_evaluation(
         with closing(store.compact()) as index:
             counts.show()
             if settings.csv:
-                run_table.write_csv(store.fs, store.path, index.parts())
+                run_table.write_csv(store.fs, store.path, map(run_table.without_marks, index.parts()))
             n_rows = count_rows(items, index)
     n_failed, n_reused = counts.n_failed, before.n_reused
     return EvaluationResult(run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out)

@@ -258,7 +258,7 @@ def _printable(name: str) -> str:
 
 def _is_local(url: str) -> bool:
     """Whether it is a path of this machine; file names may hold what else makes a chain of file systems."""
-    return ("://" not in url and "::" not in url) or os.path.lexists(_stored(url))
+    return ("://" not in url and ("::" not in url or is_label_file(url))) or os.path.lexists(_stored(url))
 
 
 def _stored(url: str) -> str:

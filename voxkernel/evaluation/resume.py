@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxkernel import run_table
 from voxkernel._extras import optional
 from voxkernel.evaluation.file_stamp import STAMP_COLUMNS, FileStamp, are_untouched, stamp_of
 from voxkernel.evaluation.inputs import Item, content_hash
@@ -20,7 +21,7 @@ from voxkernel.run_index import RunIndex
 
 __all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
 
-COLUMNS = ("label", "status", "n_objects", "view", *STAMP_COLUMNS)  # beside the keys
+COLUMNS = ("label", "status", "view", *STAMP_COLUMNS)  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
 _Seen = tuple[str, FileStamp | None]  # hash and stamp
@@ -83,7 +84,8 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
     """Count the rows of these meshes."""
     pa, compute = optional("pyarrow"), optional("pyarrow.compute")
     names = pa.array([item.name for item in items], pa.string())
-    return int(compute.sum(compute.is_in(index.keys["file"], value_set=names)).as_py() or 0)
+    files = run_table.without_marks(index.keys)["file"]
+    return int(compute.sum(compute.is_in(files, value_set=names)).as_py() or 0)
 
 
 def _same(
@@ -143,8 +145,9 @@ class _Known:
         self._files = files if is_first.all() else files.take(optional("pyarrow").array(self._first))
         self.failed = self.mask(compute.equal(keys["status"], "failed"))
         objects = keys["n_objects"].fill_null(-1).to_numpy()
-        self.is_whole = (objects < 0) | (objects == self._n_rows)  # or a label image of which parts are missing
-        single = compute.and_(keys["cell"].is_null(), keys["object"].is_null())
+        # Or a label image of which parts are missing; one without objects has a row that marks it.
+        self.is_whole = (objects <= 0) | (objects == self._n_rows)
+        single = compute.and_(compute.and_(keys["cell"].is_null(), keys["object"].is_null()), objects < 0)
         may_view = compute.and_(compute.equal(keys["status"], "ok"), single)
         has_view = compute.not_equal(keys["view"].fill_null(""), "")
         self.needs_no_view = self.mask(compute.or_(has_view, compute.invert(may_view)))

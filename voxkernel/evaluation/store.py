@@ -82,12 +82,13 @@ class RunStore:
                 self._merge(names)
 
     def compact(self, columns: Sequence[str] = ()) -> RunIndex:
-        """Make few parts of many, without what has been replaced, and index them, with more columns than the keys.
+        """Make few parts of many, without what has been replaced, and index them, marks and all.
 
-        A small run becomes one part. Of a large one, parts that are large stay, unless much of them was replaced.
+        The index has more columns than the keys. A small run becomes one part. Of a large one, parts that are large
+        stay, unless much of them was replaced.
         """
         self.flush()
-        index = open_index(self.fs, self.path, columns)
+        index = open_index(self.fs, self.path, columns, with_marks=True)
         names, sizes = index.names, index.part_sizes()
         is_stale = index.n_stale > _STALE * sum(n for n, _ in sizes)
         self._small, self._medium = [], {}
@@ -96,7 +97,7 @@ class RunStore:
             with closing(index):
                 for group in groups:
                     self._replaced([names[k] for k in group], index.rows(index.places_of(group)))
-            index = open_index(self.fs, self.path, columns)
+            index = open_index(self.fs, self.path, columns, with_marks=True)
         for name, (n, _) in list(zip(index.names, index.part_sizes(), strict=True))[-1:]:
             if n < _LARGE:  # it goes on growing
                 self._medium[name] = n

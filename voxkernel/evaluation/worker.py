@@ -120,8 +120,10 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
     seconds = perf_counter() - begin
     about = _about(item, settings, known_hash, seconds / max(1, len(done.rows)), stamp)
     rows = tuple({**about, "status": "ok", "reason": "", **row} for row in done.rows)
-    if not rows and not is_label_file(path):  # a label image without objects is an answer: no rows
+    if not rows and not is_label_file(path):
         return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds, stamp=stamp)
+    if not rows:  # a label image without objects is an answer: no rows but a mark that it was looked at
+        rows = ({**about, "status": "ok", "reason": "", "kind": "label", "n_objects": 0},)
     return Outcome(item.name, rows, done.files, seconds)
 
 

@@ -91,6 +91,8 @@ def label_stars(
     >>> stars.label.tolist(), stars.voxels.tolist(), stars.visible.round(3).tolist(), stars.reason[0]
     ([1, 2], [102, 45], [0.735, 1.0], 'hidden part')
     """
+    if not isinstance(surface, bool | np.bool_):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise TypeError(f"`surface` must be True or False; got {type(surface).__name__}")
     image = as_image(labels, spacing)
     counts = as_ray_counts(n_rays, len(image.shape))
     n_threads = as_depth("threads", threads, 1, 256)

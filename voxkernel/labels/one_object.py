@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import StarRaster, StopFlag, best_voxel, label_parts, line_counts, ray_lengths, squared_depths
+from voxkernel._core import Depths, StarRaster, StopFlag, best_voxel, label_parts, line_counts, ray_lengths
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
 
@@ -53,9 +53,8 @@ def object_row(
     """Work on a crop with a layer of background around; `low` is the first voxel of the object's box."""
     flat, n = frame.is_flat, int(np.count_nonzero(crop))
     centroid, elongation = _moments(crop, frame, stop)
-    depths = np.empty(crop.shape)
-    squared_depths(crop, flat, np.array(frame.spacing), depths, stop)
     middle = int(np.ravel_multi_index(tuple(centroid), crop.shape))
+    depths = Depths(crop, flat, np.array(frame.spacing), stop)
     best, n_seen, upper, _, n_deepest, n_centroid, _ = best_voxel(
         crop, flat, depths, middle, ALWAYS, frame.most_steps, stop
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxkernel._checks import as_depth, as_integers, as_points, check_index_range
+from voxkernel._checks import as_depth, as_integers, as_points, check_index_range, read_only
 from voxkernel._core import StopFlag, star_kernels
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
@@ -102,11 +103,15 @@ def star_polyhedra_kernels(
     norms = np.linalg.norm(directions, axis=1)
     if len(directions) < 4 or norms.min() <= 0.0:
         raise ValueError(f"`rays` must be at least 4 directions, none of them 0; got {len(directions)}")
-    triangles = _triangles(directions, norms, faces)
+    units = directions / norms[:, None]
+    if faces is not None:
+        faces = as_integers("faces", faces, shape="(f, 3)", ndim=2, columns=3)
+        check_index_range("faces", faces, len(directions))
+    triangles = _triangles(units.tobytes(), None if faces is None else faces.tobytes())
     n = len(middle)
     volume, boxes, outcome = np.zeros(n), np.zeros((n, 6)), np.zeros(n, np.int8)
 
-    units, spans = directions / norms[:, None], lengths * norms
+    spans = lengths * norms
 
     def part(first: int, stop: StopFlag) -> None:
         star_kernels(units, triangles, spans, first, min(n, first + _PART), volume, boxes, outcome, stop)
@@ -123,28 +128,27 @@ def star_polyhedra_kernels(
     )  # fmt: skip
 
 
-def _triangles(
-    directions: NDArray[np.float64], norms: NDArray[np.float64], faces: ArrayLike | None
-) -> NDArray[np.int64]:
-    """Triangles that the centre is behind, closed around it."""
+@lru_cache(maxsize=16)
+def _triangles(unit_bytes: bytes, face_bytes: bytes | None) -> NDArray[np.int64]:
+    """Triangles that the centre is behind, closed around it; kept, as many calls have the same rays."""
     from scipy.spatial import QhullError
 
-    if faces is None:
+    units = np.frombuffer(unit_bytes).reshape(-1, 3)
+    if face_bytes is None:
         try:
-            triangles = outward_faces(directions / norms[:, None])
+            triangles = outward_faces(units)
         except QhullError:
             raise ValueError("`rays` must surround the centre; got directions in one plane") from None
     else:
-        triangles = as_integers("faces", faces, shape="(f, 3)", ndim=2, columns=3).copy()
-        check_index_range("faces", triangles, len(directions))
-        turned = np.linalg.det(directions[triangles]) < 0.0
+        triangles = np.frombuffer(face_bytes, np.int64).reshape(-1, 3).copy()
+        turned = np.linalg.det(units[triangles]) < 0.0
         triangles[turned] = triangles[turned][:, ::-1]
-    if (np.linalg.det((directions / norms[:, None])[triangles]) <= 1e-12).any():
+    if (np.linalg.det(units[triangles]) <= 1e-12).any():
         raise ValueError("`rays` must surround the centre, no face in one plane with it; got some that do not")
-    facts = TriangleMesh.from_triangles(directions / norms[:, None], triangles).facts()
+    facts = TriangleMesh.from_triangles(units, triangles).facts()
     if not (facts.is_closed and facts.is_oriented):
         raise ValueError("`faces` must close around the centre; got some that leave gaps or overlap")
-    return triangles
+    return read_only(triangles)
 
 
 def _general(corners: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[float, NDArray[np.float64]]:
