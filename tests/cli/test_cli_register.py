@@ -102,6 +102,8 @@ def test_together_on_a_scheduler(parts, capsys, monkeypatch):
         assert main(["register", *files, "--together", *where, *outputs]) == 1
     said = capsys.readouterr()
     assert "2 of 3 belong together" in said.out
+    assert "a.ply - b.ply\n" in said.out  # the folder they have in common is named once
+    assert f"{folder}\n" in said.out
     assert "c.ply" in said.out.split("apart 2")[1]
     document = json.loads((folder / "poses.json").read_text())
     assert document["apart"] == [2]

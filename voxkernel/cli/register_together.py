@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -120,8 +121,11 @@ def _progress(quiet: bool) -> Callable[[int, int], None] | None:
 
 
 def _rows(paths: list[str], found: Any) -> dict[str, str]:
-    names = [display(p) for p in paths]
-    rows = {
+    folders = {os.path.dirname(path) for path in paths}
+    is_one = len(folders) == 1
+    names = [display(os.path.basename(path) if is_one else path) for path in paths]
+    rows = {"folder": display(*folders)} if is_one and "" not in folders else {}
+    rows |= {
         "scans": f"{len(paths) - len(found.apart)} of {len(paths)} belong together",
         "frame": names[found.reference] if len(found.apart) < len(paths) else "none",
         "residual": f"{number(found.residual, 4)}, as the tree lays them {number(found.tree_residual, 4)}",
