@@ -13,6 +13,7 @@ constexpr Index kBits = 64;
 constexpr Index kLayers = 4;
 constexpr int kProbes[4] = {0, 7, 15, 31};  // before each stage, and all
 constexpr int kAllProbes = kProbes[3];
+constexpr Index kNear[3] = {0, 8, 16};    // nearer along all axes a stage would find almost nothing
 constexpr int kPeriods[3] = {8, 16, 32};  // what the shares of a stage are multiples of the inverse of
 constexpr int kPlacesAtOnce = 4;
 constexpr Index kOften = 2000;  // places after which it is asked which voxels of a tile are out of the race
@@ -40,6 +41,8 @@ constexpr Index share_of(int p) {
 // A segment by d >= 0 voxels along an axis is, just before that share of it, so many voxels from its start:
 // ceil(share d / 32 - 1/2).
 constexpr Index probe_at(int p, Index d) { return (share_of(p) * d + 15) / 32; }
+// Probes of all stages at places that are so far along an axis.
+constexpr int n_probes(Index far) { return far < kNear[1] ? kProbes[1] : far < kNear[2] ? kProbes[2] : kProbes[3]; }
 
 }  // namespace
 
@@ -184,7 +187,10 @@ void LabelTiles::probe(Index j, Index k) {
   const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
   const Word* probed[kAllProbes];
   for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p];
+  const bool is_far = std::max(std::abs(j - low_[1]), std::abs(k - low_[2])) >= kNear[stage];
   for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
+    if (!is_far && std::abs(i - low_[0]) < kNear[stage]) continue;
+    ++n_steps_;
     Four wanted = both(four(own_), four(to));
     if (is_none(wanted)) continue;
     for (int p = 0; p < kProbes[stage]; ++p) wanted = both(wanted, four(probed[p] + probes_i[p]));
@@ -195,7 +201,6 @@ void LabelTiles::probe(Index j, Index k) {
     store(counts_.waiting[counts_.n_waiting], hidden);
     if (!is_none(hidden)) counts_.count_waiting();
   }
-  n_steps_ += last + 1 - first;
 }
 
 #ifdef VOXKERNEL_HAS_AVX2
@@ -259,6 +264,8 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_period(const Word* to, const Word* 
 template <int stage, bool is_up>
 VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own) {
   constexpr Index way = is_up ? 1 : -1, period = kPeriods[stage];
+  if (nearest > farthest) return;
+  n_steps_ += farthest + 1 - nearest;
   const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
   const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
   Index d = nearest / period * period;
@@ -276,10 +283,13 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest
 template <int stage>
 VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
   const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  const bool is_far = std::max(std::abs(j - low_[1]), std::abs(k - low_[2])) >= kNear[stage];
+  const Index near = is_far ? 0 : kNear[stage];
   const __m256i own = load_words(own_);
-  if (last >= low_[0]) probe_way<stage, true>(j, k, std::max<Index>(first - low_[0], 0), last - low_[0], own);
-  if (first < low_[0]) probe_way<stage, false>(j, k, std::max<Index>(low_[0] - last, 1), low_[0] - first, own);
-  n_steps_ += last + 1 - first;
+  if (last >= low_[0]) probe_way<stage, true>(j, k, std::max(first - low_[0], near), last - low_[0], own);
+  if (first < low_[0]) {
+    probe_way<stage, false>(j, k, std::max(low_[0] - last, std::max<Index>(near, 1)), low_[0] - first, own);
+  }
 }
 #endif
 
@@ -379,7 +389,8 @@ void LabelTiles::walk(Index at, const Index* d, See&& see, GoesOn&& goes_on) {
 }
 
 // A voxel sees what is at d from it if it sees what is nearer by one along each axis (LabelRows::sure), here for all
-// voxels of the tile. What is left is probed before it is walked along.
+// voxels of the tile. What is left is probed before it is walked along; what is
+// hidden is counted where the passes before did not find it.
 void LabelTiles::look_at(const Row& row) {
   const Word* const words = words_.data();
   const Four own = four(own_);
@@ -417,15 +428,21 @@ void LabelTiles::look_at(const Row& row) {
     if (!is_none(open)) {
       Four seen = open;
       const std::int32_t* const probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kAllProbes;
-      for (int p = 0; p < kAllProbes; ++p)
-        seen = both(seen, four(words + at_ + probes_i[p] + probes_j[p] + probes_k[p]));
+      const auto probe = [&](Four& found, int from, int to) {
+        for (int p = from; p < to; ++p)
+          found = both(found, four(words + at_ + probes_i[p] + probes_j[p] + probes_k[p]));
+      };
+      probe(seen, 0, kProbes[1]);
       if (!is_none(seen)) {
-        const Four passed = seen;
+        Four hidden = seen;
         walk(at, d, [&](Index to) { seen = both(seen, four(words + to)); }, [&] { return !is_none(seen); });
         for (int w = 0; w < 4; ++w) last.w[w] |= seen.w[w];
-        const Four hidden = without(passed, seen);
-        store(counts_.waiting[counts_.n_waiting], hidden);
-        if (!is_none(hidden)) counts_.count_waiting();
+        hidden = without(hidden, seen);
+        if (!is_none(hidden)) {
+          probe(hidden, kProbes[1], n_probes(std::max(std::abs(d[0]), near.longest)));
+          store(counts_.waiting[counts_.n_waiting], hidden);
+          if (!is_none(hidden)) counts_.count_waiting();
+        }
       }
     }
     store(seen_.data() + 4 * at, last);
@@ -473,9 +490,9 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
     last = sure;
     if (!is_none(open)) {
       __m256i seen = open;
-      for (int p = 0; p < kAllProbes; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+      for (int p = 0; p < kProbes[1]; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
       if (!is_none(seen)) {
-        const __m256i passed = seen;
+        __m256i hidden = seen;
         const Index back[3] = {-d[0], -d[1], -d[2]};
         if (steps_.is_kept()) {
           const SegmentSteps::Found found = steps_.find(back);
@@ -495,9 +512,13 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
           }
         }
         last = _mm256_or_si256(sure, seen);
-        const __m256i hidden = _mm256_andnot_si256(seen, passed);
-        store_words(counts_.waiting[counts_.n_waiting], hidden);
-        if (!is_none(hidden)) counts_.count_waiting();
+        hidden = _mm256_andnot_si256(seen, hidden);
+        if (!is_none(hidden)) {
+          const int n = n_probes(std::max(std::abs(d[0]), near.longest));
+          for (int p = kProbes[1]; p < n; ++p) hidden = _mm256_and_si256(hidden, load_words(probed[p] + probes_i[p]));
+          store_words(counts_.waiting[counts_.n_waiting], hidden);
+          if (!is_none(hidden)) counts_.count_waiting();
+        }
       }
     }
     store_words(seen_at, last);
