@@ -68,6 +68,24 @@ def test_near_stars_beside_looking_from_every_voxel(rng):
         assert upper == seen
 
 
+def long_bodies(rng):
+    """Of segments shorter and longer than those that all probes are made of: bent and notched bars in any pose."""
+    for k in range(6):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        x, y, z = np.tensordot(turn, np.indices((45, 45, 45)) - 22.0, 1)
+        bar = (np.abs(x) < 21) & (np.abs(y - (k % 3) * (x / 21) ** 2 * 3) < 2.5) & (np.abs(z) < 2)
+        yield (bar & ~((np.abs(x - 4) < 3) & (y > 0.5))).astype(np.uint8)
+
+
+def test_long_bodies_beside_looking_from_every_voxel(rng):
+    for image in long_bodies(rng):
+        crop, depths = np.pad(image, 1), np.empty(np.add(image.shape, 2))
+        squared_depths(crop, False, np.ones(3), depths)
+        voxel, seen, upper, *_ = best_voxel(crop, False, depths, 0, 6000, 0)
+        assert (seen, voxel) == by_looking_from_all(crop, depths, is_flat=False)
+        assert upper == seen < crop.sum()
+
+
 def test_another_voxel_is_looked_at_too(rng):
     crop, depths = np.pad(label_shapes.c_shape(9, 2), 1), np.empty((4, 11, 11))
     squared_depths(crop, False, np.ones(3), depths)
