@@ -35,6 +35,7 @@ Array2<Index, 3> take_rows(GrowingArray<Index>& values) {
 auto cuts_of(Points points, Indices flat, Indices sizes, int exponent, double rtol) {
   PolygonCuts cuts = without_lock([&](Stop& stop) { return PolygonCuts(points, flat, sizes, exponent, rtol, stop); });
   std::vector<std::tuple<Index, Index, Index, Index, std::array<double, 3>>> unfanned;
+  unfanned.reserve(cuts.unfanned.size());
   for (const Unfanned& one : cuts.unfanned) {
     unfanned.emplace_back(one.polygon, one.corner, one.triangle, one.plane, one.newell);
   }
