@@ -27,6 +27,13 @@ if sys.argv[2] == "relaxed":
     peak = int(status["VmHWM"].split()[0]) // 1024
     print(json.dumps({"bounds": grid.volume_bounds, "depth": grid.depth, "cpu": seconds, "peak": peak}))
     raise SystemExit
+if sys.argv[2] in ("depth", "rtol"):
+    surface = voxkernel.stream_mesh(sys.argv[1], chunk_facets=1 << 14)
+    grid = voxkernel.voxel_kernel(surface, **({"depth": 4} if sys.argv[2] == "depth" else {"rtol": 0.1}))
+    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    peak = int(status["VmHWM"].split()[0]) // 1024
+    print(json.dumps({"bounds": grid.volume_bounds, "depth": grid.depth, "peak": peak}))
+    raise SystemExit
 kernel = voxkernel.exact_kernel(surface)
 seconds = time.process_time() - begin
 status = dict(line.split(":", 1) for line in open("/proc/self/status"))
@@ -52,6 +59,20 @@ def test_the_ball_is_closed_and_has_a_kernel(tmp_path):
     assert found[0]["dimension"] == 3
     assert found[0]["facets"] == found[1]["facets"]
     assert found[0]["volume"] == found[1]["volume"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and peaks are those of Linux")
+@pytest.mark.parametrize("how", ["depth", "rtol"])
+def test_exact_voxels_take_no_memory_for_planes_near_a_small_kernel(tmp_path, how):
+    """Voxels are larger than the kernel, near which most planes pass: those that exclude no voxel are not kept."""
+    path = tmp_path / "ball.ply"
+    assert write_ball(path, 400, 400, 0.2) == 319_200
+    done = run(path, how)
+    assert done.returncode == 0, done.stderr[-500:]
+    found = json.loads(done.stdout)
+    kernel = json.loads(run(path, "stream").stdout)
+    assert found["bounds"][0] < kernel["volume"] < found["bounds"][1]
+    assert found["peak"] < kernel["peak"]  # a small chunk beside the largest there is: 50 MB and 79, before 125
 
 
 @pytest.mark.slow
@@ -88,3 +109,16 @@ def test_relaxed_voxels_of_ten_million_facets_within_a_gibibyte_of_addresses(tmp
     write_ball(path, 224, 224, 0.2)
     few = voxkernel.voxel_kernel(path, tolerance=0.01, depth=7, domain="box").volume_bounds
     assert max(low, few[0]) < min(high, few[1])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and peaks are those of Linux")
+def test_exact_voxels_of_ten_million_facets_within_a_gibibyte_of_addresses(tmp_path):
+    path = tmp_path / "ball.ply"
+    assert write_ball(path, 2237, 2237, 0.2) > 10_000_000
+    for how in ("depth", "rtol"):
+        done = run(path, how)
+        assert done.returncode == 0, done.stderr[-500:]
+        found = json.loads(done.stdout)
+        print(found)
+        assert found["peak"] < 250

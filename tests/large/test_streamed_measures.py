@@ -1,11 +1,15 @@
 """What other functions say of a streamed surface is what they say in memory."""
 
+import sys
+
 import numpy as np
 import pytest
 import shapes
+from streams import write_ball
 
 import voxkernel
 from voxkernel.measures.streamed_convexity import lies_in_kernel
+from voxkernel.voxels import streamed_rows
 
 STAR = shapes.star_prism()
 SPIKY = shapes.spiky(3)
@@ -132,6 +136,32 @@ def test_voxels_are_those_of_memory(mesh, options):
     assert streamed.to_dict() == whole.to_dict()
     threaded = voxkernel.voxel_kernel(voxkernel.stream_mesh(mesh, chunk_facets=99), threads=2, **options)
     assert threaded.to_dict() == whole.to_dict()
+
+
+@pytest.mark.parametrize("options", [{"depth": 3}, {"depth": 4}, {"depth": 7}, {"rtol": 0.2}], ids=str)
+@pytest.mark.parametrize("how", ["all", "nearest", "none"])
+def test_voxels_are_those_of_memory_whatever_bounds_their_centers(tmp_path, monkeypatch, how, options):
+    """Of planes that nearly all pass within a voxel of the kernel few are kept, and no voxel changes."""
+    write_ball(tmp_path / "ball.ply", 60, 60, 0.2)
+    whole = voxkernel.voxel_kernel(tmp_path / "ball.ply", **options)
+    kept = []
+    gather = streamed_rows.planes_for_voxels
+
+    def counted(*arguments):
+        kept.append(gather(*arguments))
+        return kept[-1]
+
+    monkeypatch.setattr(sys.modules["voxkernel.voxels.voxel_kernel"], "planes_for_voxels", counted)
+    if how == "nearest":
+        monkeypatch.setattr(streamed_rows, "_FEW", 10)
+    if how == "none":
+        monkeypatch.setattr(streamed_rows, "_centers", lambda *_: None)
+    found = voxkernel.voxel_kernel(voxkernel.stream_mesh(tmp_path / "ball.ply", chunk_facets=999), **options)
+    assert found.to_dict() == whole.to_dict()
+    for one, other in ((found.inside, whole.inside), (found.boundary, whole.boundary)):
+        np.testing.assert_array_equal(one.to_ijk(), other.to_ijk())
+    if how != "none":
+        assert len(kept[0]) < 200  # of 7,080, before 447 to 1,127
 
 
 def test_axes_of_the_surface_are_refused():

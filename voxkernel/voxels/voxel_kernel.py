@@ -151,8 +151,8 @@ def _of_stream(reader: SurfaceReader, domain: Any, step: Step, threads: int) -> 
         corners = kernel.vertices
     cube, levels = root_cube(corners, np.eye(3), depth=depth, voxel_size=voxel_size)
     inside = find_feasibility(kernel.certificate.halfspaces)
-    # Of the coarsest voxels more planes are needed than of finer ones.
-    planes = planes_for_voxels(reader, kernel, inside, cube, levels if rtol is None else MIN_DEPTH).merged()
+    depths = [levels] if rtol is None else range(MIN_DEPTH, RTOL_MAX_DEPTH + 1)
+    planes = planes_for_voxels(reader, kernel, inside, cube, depths).merged()
     octree = _Octree(planes, find_feasibility(planes), region)
     return _grid(octree, cube, levels) if rtol is None else _refined(octree, corners, np.eye(3), rtol)
 
