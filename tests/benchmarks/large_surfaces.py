@@ -1,6 +1,6 @@
-"""Streamed surfaces of 10,000 to 30 million facets: CPU time, peak of memory and of addresses, each in a process.
+"""Streamed surfaces of 10,000 to 100 million facets: CPU time, peak of memory and of addresses, each in a process.
 
-Run with `python tests/benchmarks/large_surfaces.py growth empty formats others defect --folder TMP --json FILE`; the
+Run with `python tests/benchmarks/large_surfaces.py growth hundred empty formats others defect --folder TMP --json FILE`; the
 files are made by formula (`write_ball` of `tests/streams.py`) in a folder of their own, which is removed.
 """
 
@@ -44,7 +44,7 @@ found["seconds"] = round(time.perf_counter() - wall, 2)
 found["peak_MB"], found["addresses_MB"] = (int(status[k].split()[0]) // 1024 for k in ("VmHWM", "VmPeak"))
 print(json.dumps({**found, **said}))
 """
-SIDES = {"10k": 71, "100k": 224, "1M": 708, "10M": 2237, "30M": 3873}
+SIDES = {"10k": 71, "100k": 224, "1M": 708, "10M": 2237, "30M": 3873, "100M": 7072}
 
 
 def ball(folder, size, bend=0.0):
@@ -86,9 +86,12 @@ def formats(folder):
 def cases(names, folder):
     """What is run: a name, a file, a question, a limit on the address space."""
     if "growth" in names:
-        for size in SIDES:
+        for size in ("10k", "100k", "1M", "10M", "30M"):
             yield f"exact kernel, {size}", ball(folder, size), "kernel", 3 << 30 if size == "30M" else 0
         ball(folder, "30M").unlink()
+    if "hundred" in names:
+        yield "exact kernel, 100M", ball(folder, "100M"), "kernel", 0
+        ball(folder, "100M").unlink()
     if "empty" in names:
         for size in ("1M", "10M"):
             yield f"empty kernel, {size}", ball(folder, size, 2.0), "kernel", 0
@@ -106,7 +109,7 @@ def cases(names, folder):
 def main():
     """Run what is named, print and write rows."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("names", nargs="+", choices=("growth", "empty", "formats", "others", "defect"))
+    parser.add_argument("names", nargs="+", choices=("growth", "hundred", "empty", "formats", "others", "defect"))
     parser.add_argument("--folder")
     parser.add_argument("--json")
     arguments = parser.parse_args()
