@@ -1,7 +1,8 @@
 """Streamed surfaces of 10,000 to 100 million facets: CPU time, peak of memory and of addresses, each in a process.
 
-Run with `python tests/benchmarks/large_surfaces.py growth hundred empty formats others defect --folder TMP --json FILE`; the
-files are made by formula (`write_ball` of `tests/streams.py`) in a folder of their own, which is removed.
+Run with `python tests/benchmarks/large_surfaces.py growth hundred empty formats others defect --folder TMP
+--json FILE`; the files are made by formula (`write_ball` of `tests/streams.py`) in a folder of their own, which is
+removed.
 """
 
 import argparse

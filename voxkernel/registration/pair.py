@@ -56,11 +56,12 @@ class Solution(Frozen):
 
 def solve(
     pair: tuple[PreparedSurface, PreparedSurface], shown: tuple[PreparedSurface, PreparedSurface], method: Refine,
-    *, sources: int = ALL_SOURCES, first: Sequence[Guess] = (),
+    *, sources: int = ALL_SOURCES, first: Sequence[Guess] = (), least: float = 0.0,
 ) -> Solution:  # fmt: skip
     """Search with the kernels of `shown`, refine and score on the samples of `pair`; they differ when cropped.
 
-    `first` are motions that go before all sources of candidates.
+    `first` are motions that go before all sources of candidates. An answer less probable than `least` is not refined
+    at full resolution.
     """
     contest = Contest(*pair)
     searched = contest if pair is shown else Contest(*shown)
@@ -81,23 +82,25 @@ def solve(
         )  # fmt: skip
     if method == "none":
         return _unrefined(judge, best, guesses, shown)
-    return _final(judge, best, guesses, method, shown)
+    return _final(judge, best, guesses, method, shown, least)
 
 
 def _final(
     judge: Judge, best: End, guesses: tuple[Guess, ...], method: Refine,
-    shown: tuple[PreparedSurface, PreparedSurface],
+    shown: tuple[PreparedSurface, PreparedSurface], least: float,
 ) -> Solution:  # fmt: skip
-    """Refine the best at full resolution, then measure it."""
+    """Refine the best at full resolution, then measure it; not what is less probable than `least`."""
     contest, judged = judge.contest, judge.of(best)
-    end = contest.rested(best)
-    motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
-    same = float(np.abs(motion - best.polished.transform).max()) < _SAME
-    best = contest.measured(end, motion, end.polished)
-    if not same:
-        judged = judge.of(best)
+    motion, rests, doubt = best.polished.transform, True, ""
+    if judged.probability >= least:
+        end = contest.rested(best)
+        motion, rests = last_refined(contest.pair, contest.sides, end.polished, contest.reach, method)
+        same = float(np.abs(motion - best.polished.transform).max()) < _SAME
+        best = contest.measured(end, motion, end.polished)
+        if not same:
+            judged = judge.of(best)
+        doubt = judge.doubt(best)
     score = surface_score(*contest.sides, best.fit, SCORE_REACH)
-    doubt = judge.doubt(best)
     reason = doubt if rests else _RESTLESS
     world = to_world(*contest.pair, scaled(motion, contest.scale))
     guess = _in_world(shown, best.guess)

@@ -18,6 +18,7 @@ from voxkernel.registration.verdict import verdict_of
 __all__ = ["Trial", "tried"]
 
 _CERTAIN = 6.0  # log-odds beyond which nothing is believed or refused
+_HOPELESS = 0.05  # a probability below which a motion is not refined at full resolution
 _MATCHES = "matches"
 
 
@@ -48,6 +49,7 @@ def tried(one: PreparedSurface, two: PreparedSurface, like: Likeness, size: floa
     pair = one, two
     local = [scaled(motion, size) for motion in like.motions]
     matched = [Guess(motion, _MATCHES, np.nan, motion) for motion in local]
-    found = solve(pair, pair, "point_to_plane", first=matched, sources=ALL_SOURCES if fully else 1)
+    sources = ALL_SOURCES if fully else 1
+    found = solve(pair, pair, "point_to_plane", first=matched, sources=sources, least=_HOPELESS)
     led_by = "" if found.guess is None else _MATCHES if found.guess.origin == _MATCHES else "register"
     return Trial(found.transform, found.judged.probability, found.reason, led_by)
