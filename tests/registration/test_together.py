@@ -227,6 +227,16 @@ def test_uncertain_edges_join_only_where_they_agree():
     assert apart.roots.tolist() == [0, 0, 2]
 
 
+def test_many_uncertain_edges_do_not_join_where_others_contradict():
+    """As between two halves of a thing that is like its own image: half a turn fits about as well."""
+    poses, scans = ring(4)
+    sure = [edge(poses, 0, 1, 4.0), edge(poses, 2, 3, 4.0)]
+    weak = [edge(poses, 0, 2, 1.0), edge(poses, 0, 3, 1.3), edge(poses, 1, 2, 0.5)]
+    assert pose_tree(scans, sure + weak).roots.tolist() == [0, 0, 0, 0]
+    doubted = [*sure, *weak, edge(poses, 1, 3, 0.0, wrong=3)]
+    assert pose_tree(scans, doubted).roots.tolist() == [0, 0, 2, 2]
+
+
 def test_two_things_are_two_groups():
     poses, scans = ring(5)
     found = pose_tree(scans, [edge(poses, 0, 3, 4.0), edge(poses, 1, 2, 4.0), edge(poses, 2, 4, 4.0)])

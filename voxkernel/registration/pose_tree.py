@@ -19,6 +19,7 @@ _CLOSES_SHARE = 0.03  # of the common size: how far the middle of a scan may be 
 _LOOP = 1.5  # log-odds that an edge gains where a loop through it closes; no more, because scans may be nearly the same
 _MOST_LOOPS = 3
 _JOINS = 2.0  # log-odds that two parts must have to be joined
+_ALONE = 1.5  # and those of the best edge between them where others contradict: a thing may be like its own image
 _MOST_SWAPS = 50
 
 
@@ -225,5 +226,7 @@ def _across(
         pair = min(edge.source, edge.target), max(edge.source, edge.target)
         shown = best if agree[e] else against
         shown[pair] = max(shown.get(pair, -np.inf), edge.evidence)
+    if against.keys() - best.keys() and max(best.values()) < _ALONE:
+        return -np.inf
     contradicted = sum(max(0.0, v) for pair, v in against.items() if pair not in best)
     return sum(best.values()) + _LOOP * (len(best) - 1) - contradicted
