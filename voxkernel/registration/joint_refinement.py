@@ -16,7 +16,6 @@ from voxkernel.registration.rounding import on_grid
 __all__ = ["Refinement", "refined_together"]
 
 _SAMPLES = 1000
-_QUICK_SAMPLES = 300
 _REACHES = (1 / 12, 1 / 30, 1 / 80)  # of the common size
 _NOISE = 4.0  # standard deviations of the noise that count
 _LEAST = 1e-4  # of the common size: no reach below this
@@ -25,7 +24,6 @@ _FACING = 0.5
 _STEPS = 30
 _HALVINGS = 4
 _SETTLED = 1e-5  # share of the energy that a step must still gain
-_QUICK = 1e-2
 _DAMPING = 1e-6
 
 
@@ -42,13 +40,12 @@ class Refinement(Frozen):
 class _Cloud:
     """Samples of a scan in its own frame, in units of the common size, with a search tree."""
 
-    def __init__(self, surface: PreparedSurface, size: float, samples: int, most: int | None) -> None:
+    def __init__(self, surface: PreparedSurface, size: float) -> None:
         from scipy.spatial import KDTree
 
-        step = 1 if most is None else max(1, len(surface.fine.points) // most)
-        points, normals = on_grid(surface.fine.points[::step] / size), on_grid(surface.fine.normals[::step])
+        points, normals = on_grid(surface.fine.points / size), on_grid(surface.fine.normals)
         self.points, self.normals, self.tree = points, normals, KDTree(points)
-        shown = np.linspace(0, len(points) - 1, min(samples, len(points))).astype(np.int64)
+        shown = np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(np.int64)
         self.few, self.few_normals = points[shown], normals[shown]
 
 
@@ -62,19 +59,14 @@ class _Pull(Frozen):
     n_samples: int
 
 
-def refined_together(
-    surfaces: list[PreparedSurface], poses: NDArray[np.float64], size: float, *, quick: bool = False,
-    most_points: int | None = None,
-) -> Refinement:  # fmt: skip
+def refined_together(surfaces: list[PreparedSurface], poses: NDArray[np.float64], size: float) -> Refinement:
     """Let all scans that overlap pull at each other; never worse than what is given.
 
     The residual is the distance of a sample of one scan from the tangent plane at the next point of another, at most
     the reach, where the two face the same way and are within reach; other samples count the reach. Its mean square
     over all pairs falls from step to step, or the step is not taken. `poses` map local frames into that of the first.
-    `quick` takes fewer samples and steps, to choose between motions; `most_points` thins what they are compared with.
     """
-    clouds = [_Cloud(s, size, _QUICK_SAMPLES if quick else _SAMPLES, most_points) for s in surfaces]
-    settled = _QUICK if quick else _SETTLED
+    clouds = [_Cloud(s, size) for s in surfaces]
     start = poses.copy()
     start[:, :3, 3] /= size
     pairs = _overlapping(clouds, start, _REACHES[0])
@@ -82,12 +74,12 @@ def refined_together(
         return Refinement(poses, float("nan"), float("nan"), ())
     found = start
     for reach in _REACHES:
-        found = _descended(clouds, found, pairs, reach, settled)
+        found = _descended(clouds, found, pairs, reach)
     reach = _noise_reach(clouds, found, pairs)
-    found = _descended(clouds, found, pairs, reach, settled)
+    found = _descended(clouds, found, pairs, reach)
     before, after = (_energy(_pulls(clouds, p, pairs, reach), reach) for p in (start, found))
     if not after <= before:
-        found = _descended(clouds, start, pairs, reach, settled)
+        found = _descended(clouds, start, pairs, reach)
         after = _energy(_pulls(clouds, found, pairs, reach), reach)
     world = found.copy()
     world[:, :3, 3] *= size
@@ -141,7 +133,7 @@ def _noise_reach(clouds: list[_Cloud], poses: NDArray[np.float64], pairs: list[t
 
 
 def _descended(
-    clouds: list[_Cloud], poses: NDArray[np.float64], pairs: list[tuple[int, int]], reach: float, settled: float
+    clouds: list[_Cloud], poses: NDArray[np.float64], pairs: list[tuple[int, int]], reach: float
 ) -> NDArray[np.float64]:
     """Take Gauss-Newton steps, halved where they would not help, until nothing changes."""
     pulls = _pulls(clouds, poses, pairs, reach)
@@ -158,7 +150,7 @@ def _descended(
             return poses
         gain = energy - after
         poses, pulls, energy = trial, shown, after
-        if gain <= settled * energy:
+        if gain <= _SETTLED * energy:
             break
     return poses
 

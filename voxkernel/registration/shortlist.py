@@ -39,10 +39,9 @@ class Description(Frozen):
 
 
 class Likeness(NamedTuple):
-    """How alike two surfaces are, how many matches agree, and the motion between local frames they ask for."""
+    """How alike two surfaces are, and the motions between local frames that matches which agree ask for."""
 
     value: float
-    matches: float
     motions: tuple[NDArray[np.float64], ...]  # in units of the common size, the best first
 
 
@@ -75,10 +74,10 @@ def compared(one: Description, two: Description) -> Likeness:
        ICCV 2005.
     """
     if not len(one.points) or not len(two.points):
-        return Likeness(0.0, 0.0, ())
+        return Likeness(0.0, ())
     ends = _matches(one, two)
     if len(ends) < 3:
-        return Likeness(0.0, 0.0, ())
+        return Likeness(0.0, ())
     first, second = ends.T
     agree = _agreement(
         one.points[first], one.normals[first], two.points[second], two.normals[second]
@@ -97,7 +96,7 @@ def compared(one: Description, two: Description) -> Likeness:
         left = left[~kept]
         if len(left) < 3:
             break
-    return Likeness(matched * (1.0 + 0.5 * _like_kernels(one, two)), matched, tuple(motions))
+    return Likeness(matched * (1.0 + 0.5 * _like_kernels(one, two)), tuple(motions))
 
 
 def _matches(one: Description, two: Description) -> NDArray[np.int64]:
