@@ -9,11 +9,13 @@ import shapes
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from voxkernel.errors import MeshError
 from voxkernel.exact import exact_kernel
 from voxkernel.halfspaces import Domain, HalfSpaces, ball_domain, box_domain, hull_domain, planes_domain
 from voxkernel.halfspaces.area_moments import mesh_moments
 from voxkernel.halfspaces.domain import as_domain, surface_frame
 from voxkernel.mesh import as_mesh
+from voxkernel.registration import prepare_surface
 
 CUBE = np.concatenate([np.eye(3), -np.eye(3)])
 FAR = 2**4000
@@ -85,6 +87,25 @@ def test_moments_of_a_box_and_of_its_parts():
         assert moments.centroid == pytest.approx([3.5, -1.5, 8], abs=1e-12)
         assert about * moments.unit**2 == pytest.approx(np.diag(second) / pairs.sum(), abs=1e-12)
         vertices, faces = shapes.subdivided(vertices, faces)
+
+
+def test_needles_whose_area_floats_do_not_see_have_a_frame():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        start, way = rng.normal(size=(2, 3))
+        needle = np.array([start, start + way, start + rng.uniform(0.2, 0.8) * way])
+        try:
+            mesh = as_mesh((needle, [[0, 1, 2]]))
+        except MeshError:  # rounded onto a line
+            continue
+        if mesh_moments(mesh).area == 0.0:
+            break
+    center, frame = surface_frame(mesh)
+    assert center == pytest.approx(mesh.bounds.mean(axis=0))
+    assert np.abs(frame).sum() == 3
+    assert ball_domain(mesh).volume > 0
+    with pytest.raises(MeshError, match="needles only"):
+        prepare_surface(mesh)
 
 
 @pytest.mark.parametrize("up", [1.0, -1.0])

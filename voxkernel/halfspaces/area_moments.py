@@ -70,7 +70,8 @@ def moments_of_blocks(blocks: Blocks, low: NDArray[np.float64], high: NDArray[np
         part, *more = _core.triangle_moments(vertices, faces, base, unit)
         area += part
         sums = [a + b for a, b in zip(sums, more, strict=True)]
-    mean, second, third, corners = (s / area for s in sums)
+    # Needles have an area that floats do not see: then the middle of the box, and the axes of the world.
+    mean, second, third, corners = (s / (area or 1.0) for s in sums)
     return AreaMoments(
         base, unit, area, mean, second[_TWO], third[_THREE], ((9.0 * second + corners) / 12.0)[_TWO]
     )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._frozen import Frozen
+from voxkernel.errors import MeshError
 from voxkernel.halfspaces.area_moments import moments_of_blocks
 from voxkernel.halfspaces.local_frame import check_extent
 from voxkernel.halfspaces.surface_arguments import REGISTRATION, surface_argument
@@ -88,6 +89,8 @@ def prepare(mesh: TriangleMesh, margins: tuple[float, ...]) -> PreparedSurface:
     check_extent(mesh)
     corners, faces = _connected(mesh)
     moments = moments_of_blocks([(corners, faces)], *bounds_of(corners))
+    if moments.scaled_area == 0.0:
+        raise MeshError("`mesh` must have an area that floating point can see; got needles only")
     # Facets as points in their middles, which unlike `surface_frame` need not know triangles inside out.
     centroid, axes, area = moments.centroid, moments.axes(moments.second), moments.area
     vertices = _turned(corners - centroid, axes)
