@@ -20,6 +20,8 @@ class LabelRows {
   // How many targets are hidden from a voxel of the crop that is in the widened object; some number above `enough`
   // where there are more. `n_steps` grows by about the number of rows and voxels looked at.
   Index hidden(const Index* voxel, Index enough, Index& n_steps, Stop& stop);
+  // The targets that were hidden last, positions in the crop; the object was not widened, and `enough` not reached.
+  void list_hidden(const Crop& crop, std::vector<Index>& targets) const;
 
  private:
   using Word = std::uint64_t;
