@@ -441,7 +441,9 @@ void Search::branch() {
   take(other, hidden);
   Index edge = kSplit;
   while (n_ / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
-  for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
+  for (Index e = kSplit; e <= edge; e *= kSplit) {
+    levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2, &rows_)});
+  }
   const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
   cut({0, 0, longest, {0, 0, 0}}, edge);
   while (!queue_.empty()) {
