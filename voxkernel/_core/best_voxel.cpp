@@ -14,7 +14,7 @@ namespace voxkernel {
 namespace {
 
 constexpr int kPositionBits = 34;                    // of a rank
-constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths
+constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths of cubes
 constexpr Index kSplit = 3;                          // blocks are cut in so many along every axis
 constexpr Index kMostBlocks = 1200;                  // of the coarsest
 constexpr Index kTileSteps = 1;                      // steps of single voxels that take as long as a place of a tile
@@ -56,7 +56,7 @@ class Search {
     const Candidate *first, *last;
   };
 
-  bool is_deeper(Index a, Index b) const { return depths_[a] != depths_[b] ? depths_[a] > depths_[b] : a < b; }
+  bool is_deeper(Index a, Index b) const { return depths_.is_deeper(a, b); }
   // Whether a candidate may still see most, and whether one is more promising than another one.
   bool is_open(const Candidate& c) const { return !is_known_[c.voxel] && bounds_[c.voxel] <= enough(c.voxel); }
   bool is_before(const Candidate& a, const Candidate& b) const {
@@ -78,12 +78,9 @@ class Search {
   bool take(Index voxel, Index hidden);
   bool consider(Index voxel);
   Index enough(Index voxel) const { return least_ - (is_deeper(voxel, winner_) ? 0 : 1); }
-  // Deeper voxels have lower ranks, of those that are equally deep the first; -1 outside. In a large object a rank is
-  // made of place and position.
-  Index rank_of(Index voxel) const {
-    if (!ranks_.empty()) return ranks_[voxel];
-    return crop_.bytes[voxel] == 0 ? -1 : (kMostPlaces - depths_.place(voxel)) << kPositionBits | voxel;
-  }
+  // Deeper voxels have lower ranks, of those that are equally deep the first. In a large object a rank is made of place
+  // and position.
+  Index deepest_rank(const Index* low, const Index* edges) const;
   Index voxel_of(Index rank) const {
     return by_depth_.empty() ? rank & ((Index{1} << kPositionBits) - 1) : by_depth_[rank];
   }
@@ -126,9 +123,13 @@ Search::Search(const Crop& crop, const Depths& depths, Index other, Stop& stop)
               {static_cast<std::int32_t>(v),
                {static_cast<std::int32_t>(i), static_cast<std::int32_t>(j), static_cast<std::int32_t>(k)}});
         }
-        if (winner_ < 0 || is_deeper(v, winner_)) winner_ = v;
+        if (depths.cubes() == nullptr && (winner_ < 0 || is_deeper(v, winner_))) winner_ = v;
       }
     }
+  }
+  if (depths.cubes() != nullptr) {
+    const Index low[3] = {0, 0, 0};
+    winner_ = voxel_of(deepest_rank(low, crop.shape));
   }
   is_known_.assign(static_cast<std::size_t>(crop.size()), false);
   best_.deepest = winner_;
@@ -162,7 +163,7 @@ Index Search::look_at(Index voxel, Index enough) {
   return h;
 }
 
-// Calls `visit(rank, place in the box)` for the voxels of the object in a box.
+// Calls `visit(voxel)` for the voxels of the object in a box.
 template <typename Visit>
 void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) const {
   Index high[3];
@@ -170,11 +171,23 @@ void Search::each_voxel(const Index* low, const Index* edges, Visit&& visit) con
   for (Index i = low[0]; i < high[0]; ++i) {
     for (Index j = low[1]; j < high[1]; ++j) {
       for (Index k = low[2]; k < high[2]; ++k) {
-        const Index rank = rank_of(crop_.flat(i, j, k));
-        if (rank >= 0) visit(rank, ((i - low[0]) * edges[1] + j - low[1]) * edges[2] + k - low[2]);
+        const Index voxel = crop_.flat(i, j, k);
+        if (crop_.bytes[voxel] != 0) visit(voxel);
       }
     }
   }
+}
+
+// The rank of the deepest voxel in a box; INT64_MAX where there is none.
+Index Search::deepest_rank(const Index* low, const Index* edges) const {
+  Index rank = INT64_MAX;
+  if (depths_.cubes() == nullptr) {
+    each_voxel(low, edges, [&](Index voxel) { rank = std::min<Index>(rank, ranks_[voxel]); });
+    return rank;
+  }
+  const Index high[3] = {low[0] + edges[0], low[1] + edges[1], low[2] + edges[2]};
+  const DeepestVoxels::Found found = depths_.cubes()->find(low, high);
+  return found.place == 0 ? rank : (kMostPlaces - found.place) << kPositionBits | found.voxel;
 }
 
 // Of voxels from which equally much is hidden the deepest counts.
@@ -384,7 +397,7 @@ void Search::cut(const Block& block, Index edge) {
     for (Index j = block.low[1]; j < last[1]; j += edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
         Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
-        each_voxel(part.low, edges, [&](Index rank, Index) { part.rank = std::min(part.rank, rank); });
+        part.rank = deepest_rank(part.low, edges);
         if (part.rank == INT64_MAX || part.hidden > enough(voxel_of(part.rank))) continue;
         if (!is_over()) part.hidden = std::max(part.hidden, bound(part));
         if (part.hidden <= enough(voxel_of(part.rank))) queue_.push(part);
@@ -408,22 +421,22 @@ Index Search::bound(const Block& block) {
 // Every voxel of a block of the finest edge, the deepest first.
 void Search::look_into(const Block& block) {
   const Index edges[3] = {block.edge, block.edge, block.edge};
-  std::vector<Index> ranks;
-  each_voxel(block.low, edges, [&](Index rank, Index) { ranks.push_back(rank); });
-  std::sort(ranks.begin(), ranks.end());
-  for (const Index rank : ranks) {
-    if (block.hidden > enough(voxel_of(rank))) continue;
+  std::vector<Index> voxels;
+  each_voxel(block.low, edges, [&](Index voxel) { voxels.push_back(voxel); });
+  std::sort(voxels.begin(), voxels.end(), [&](Index a, Index b) { return is_deeper(a, b); });
+  for (const Index voxel : voxels) {
+    if (block.hidden > enough(voxel)) continue;
     if (is_over()) {
       open_ = std::min(open_, block.hidden);
       return;
     }
-    consider(voxel_of(rank));
+    consider(voxel);
   }
 }
 
 // Where tiles would take too long or too much memory: blocks that are bounded as a whole.
 void Search::branch() {
-  if (!depths_.has_places()) {
+  if (depths_.cubes() == nullptr) {
     by_depth_.reserve(static_cast<std::size_t>(n_));
     for (Index v = 0; v < crop_.size(); ++v) {
       if (crop_.bytes[v] != 0) by_depth_.push_back(v);

@@ -103,7 +103,7 @@ void bind_labels(nb::module_& m) {
             const Crop object = crop_of(crop, is_flat);
             without_lock([&](Stop& stop) { new (depths) Depths(object, spacing.data(), stop); }, flag);
           },
-          array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument());
+          array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument(), nb::keep_alive<1, 2>());
   const auto best_of = [](const Image& crop, bool is_flat, const Depths& depths, Index other, Index always,
                           Index most_steps, StopFlag* flag) {
     const Crop object = crop_of(crop, is_flat);
