@@ -68,6 +68,31 @@ def test_near_stars_beside_looking_from_every_voxel(rng):
         assert upper == seen
 
 
+def dented(rng):
+    """Balls with some large dents or many small ones: few voxels are hidden from the deepest one."""
+    points = np.indices((17, 17, 17)).reshape(3, -1).T - 8.0
+    for k in range(24):
+        body = np.linalg.norm(points, axis=1) < 8
+        for _ in range((2, 3, 8, 16)[k % 4]):
+            at = rng.normal(size=3)
+            radius = rng.uniform(3, 5) if k % 4 < 2 else rng.uniform(1, 2.5)
+            at *= (9 if k % 4 < 2 else 7) / np.linalg.norm(at)
+            body &= np.linalg.norm(points - at, axis=1) > radius
+        yield body.reshape(17, 17, 17).astype(np.uint8)
+
+
+def test_dents_beside_looking_from_every_voxel(rng):
+    n_cut = 0
+    for image in dented(rng):
+        crop, depths = np.pad(image, 1), np.empty(np.add(image.shape, 2))
+        squared_depths(crop, False, np.ones(3), depths)
+        voxel, seen, upper, _, n_deepest, *_ = best_voxel(crop, False, depths, 0, 6000, 0)
+        assert (seen, voxel) == by_looking_from_all(crop, depths, is_flat=False)
+        assert upper == seen
+        n_cut += 0 < crop.sum() - n_deepest <= 12
+    assert n_cut > 8
+
+
 def long_bodies(rng):
     """Of segments shorter and longer than those that all probes are made of: bent and notched bars in any pose."""
     for k in range(6):

@@ -92,7 +92,7 @@ def test_bodies_of_rays_in_a_large_crop():
     large = np.pad(small, ((0, 60), (3, 50), (70, 80)))
     assert small.size < 2**20 < large.size
     rays = ray_set(96, (1.0, 1.0, 1.0))
-    at = np.argwhere(small)[small.sum() // 3]
+    at = np.ascontiguousarray(np.argwhere(small)[small.sum() // 3])
     found = []
     for crop, center in ((small, at), (large, at + np.array([0, 3, 70]))):
         lengths = np.empty(len(rays.steps))

@@ -8,10 +8,10 @@
 namespace voxkernel {
 namespace {
 
-constexpr Index kSmall = Index{1} << 20;       // voxels, for which eight bytes each do no harm
-constexpr Index kSlab = Index{1} << 20;        // voxels that are worked on at once
-constexpr Index kLayers = Index{1} << 21;      // numbers of layers that are kept
-constexpr Index kKnown = Index{1} << 12;       // depths of single voxels that are kept
+constexpr Index kSmall = Index{1} << 20;   // voxels, for which eight bytes each do no harm
+constexpr Index kSlab = Index{1} << 20;    // voxels that are worked on at once
+constexpr Index kLayers = Index{1} << 21;  // numbers of layers that are kept
+constexpr Index kKnown = Index{1} << 12;   // depths of single voxels that are kept
 // Of a depth, relative, far more than rounding can do: two parabolas that are taken for each other near the point where
 // they meet differ there by less than 2^-28 of their height, for each of two axes.
 constexpr double kMargin = 1e-6;

@@ -53,13 +53,13 @@ class DeepestVoxels {
 
   Crop crop_;
   double spacing_[3];
-  Index shape_[3];                    // in cubes
-  Brief<std::uint32_t> places_;       // of each cube, 0 where there is no voxel of the object
-  Brief<std::uint8_t> at_;            // where in the cube
-  std::vector<double> depths_;        // of places from 1 on, growing
+  Index shape_[3];               // in cubes
+  Brief<std::uint32_t> places_;  // of each cube, 0 where there is no voxel of the object
+  Brief<std::uint8_t> at_;       // where in the cube
+  std::vector<double> depths_;   // of places from 1 on, growing
   DepthLayers again_;
-  std::vector<Layer> layers_;         // those asked for last
-  std::vector<Known> known_;          // voxels asked for last
+  std::vector<Layer> layers_;  // those asked for last
+  std::vector<Known> known_;   // voxels asked for last
   Index n_uses_ = 0;
 };
 

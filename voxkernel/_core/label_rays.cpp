@@ -12,8 +12,8 @@ namespace {
 constexpr double kFar = std::numeric_limits<double>::infinity();
 constexpr Index kBits = 64;
 constexpr Index kSmall = Index{1} << 20;  // voxels, for which two bytes each do no harm
-constexpr int kMostBits = 16;  // behind the binary point of an end, in voxels
-constexpr int kLongest = 29;   // bits of an end: sums of two products of differences fit in 64
+constexpr int kMostBits = 16;             // behind the binary point of an end, in voxels
+constexpr int kLongest = 29;              // bits of an end: sums of two products of differences fit in 64
 
 double exact_length(const Crop& crop, const Index* center, const double* u, Index& n_steps) {
   double half[3], next[3];

@@ -249,6 +249,20 @@ Index LabelRows::hidden(const Index* voxel, Index enough, Index& n_steps, Stop& 
   return n_hidden_;
 }
 
+void LabelRows::list_hidden(const Crop& crop, std::vector<Index>& targets) const {
+  targets.clear();
+  Index steps[3];
+  for (int a = 0; a < 3; ++a) steps[a] = crop.stride(axes_[a]);
+  for (Index row = 0; row < shape_[0] * shape_[1]; ++row) {
+    if (is_open_[row] == 0) continue;
+    const Index start = row / shape_[1] * steps[0] + row % shape_[1] * steps[1];
+    for (Index w = 0; w < n_words_; ++w) {
+      Word left = targets_[row * n_words_ + w] & ~seen_[row * n_words_ + w];
+      for (; left != 0; left &= left - 1) targets.push_back(start + (w * kBits + lowest_bit(left)) * steps[2]);
+    }
+  }
+}
+
 void LabelRows::look_at(Index i, Index j) {
   const Index row = i * shape_[1] + j;
   if (is_open_[row] == 0) {

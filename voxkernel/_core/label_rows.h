@@ -27,6 +27,8 @@ class LabelRows {
   // 2 `reach` + 1 that is at multiples of that and begins in the crop. Some number above `enough` where there are more.
   // `n_steps` grows by about the number of rows and voxels looked at.
   Index hidden(const Index* voxel, Index enough, Index& n_steps, Stop& stop);
+  // The targets that were hidden last, positions in the crop; the object was not widened, and `enough` not reached.
+  void list_hidden(const Crop& crop, std::vector<Index>& targets) const;
 
  private:
   using Word = std::uint64_t;
@@ -82,7 +84,7 @@ class LabelRows {
     Brief<Word> seen;     // as many words as are open, or more
   };
   std::shared_ptr<Shared> shared_;
-  Brief<Word> widened_;                // none where nothing is widened: the targets are what is open
+  Brief<Word> widened_;  // none where nothing is widened: the targets are what is open
   const Word *targets_ = nullptr, *open_ = nullptr;
   Word* seen_ = nullptr;
   std::vector<std::uint8_t> is_open_;  // rows

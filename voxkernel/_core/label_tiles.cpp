@@ -16,7 +16,7 @@ constexpr Index kPlanes = 2;  // after so many it is asked which voxels of a til
 
 }  // namespace
 
-LabelTiles::LabelTiles(const Crop& crop) {
+LabelTiles::LabelTiles(const Crop& crop, int order) : order_(order) {
   const bool flat = crop.is_flat;
   is_flat_ = flat;
   const Index own_edges[3] = {kLayers, flat ? 1 : 8, flat ? kBits : 8};
@@ -71,7 +71,7 @@ LabelTiles::LabelTiles(const Crop& crop) {
     probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes));
     for (Index d = 1 - shape_[a]; d < shape_[a]; ++d) {
       for (Index p = 0; p < kAllProbes; ++p) {
-        const Index n = probe_at(p, d < 0 ? -d : d);
+        const Index n = probe_at(order, p, d < 0 ? -d : d);
         probes_[a][(d + shape_[a] - 1) * kAllProbes + p] = static_cast<std::int32_t>((d < 0 ? -n : n) * strides_[a]);
       }
     }

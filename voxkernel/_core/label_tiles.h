@@ -22,7 +22,8 @@ class LabelTiles {
 
   // Whether the crop is small enough for forty bytes a voxel.
   static bool is_small(const Crop& crop) { return crop.size() <= kLargest; }
-  explicit LabelTiles(const Crop& crop);
+  // Probes in one of the two orders (tile_probes.h).
+  LabelTiles(const Crop& crop, int order);
 
   static constexpr int kBounds = 5;  // passes of `bound`
 
@@ -62,18 +63,20 @@ class LabelTiles {
   void stand_at(const Index* low);
   void start_at(const Index* low, Index enough, Span<const Index> hidden);
   bool drop(Index enough);
-  template <int stage>
-  void probe_all(int part, Index enough, Index& n_steps, Stop& stop);
+  template <int order>
+  void probe_all(int pass, Index enough, Index& n_steps, Stop& stop);
+  template <int order, int stage>
+  void probe_rows(int part, Index enough, Index& n_steps, Stop& stop);
   template <int stage>
   void probe(Index j, Index k);
 #ifdef VOXKERNEL_HAS_AVX2
-  template <int stage, bool is_up, int start>
+  template <int order, int stage, bool is_up, int start>
   void probe_four(const Word* to, const Word* const* probed, __m256i own, bool has_first);
-  template <int stage, bool is_up, int start>
+  template <int order, int stage, bool is_up, int start>
   void probe_period(const Word* to, const Word* const* probed, __m256i own, Index nearest, Index farthest);
-  template <int stage, bool is_up>
+  template <int order, int stage, bool is_up>
   void probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own);
-  template <int stage>
+  template <int order, int stage>
   void probe_avx2(Index j, Index k);
 #endif
   void look_at_rows(Index j, Index k);
@@ -95,6 +98,7 @@ class LabelTiles {
   Index low_[3] = {0, 0, 0}, at_ = 0;  // of the tile at work
   Word own_[4] = {0, 0, 0, 0};         // which of its voxels are looked from
   Index n_steps_ = 0, n_places_ = 0;
+  int order_;
   bool is_flat_ = false;
 };
 

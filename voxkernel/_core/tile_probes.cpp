@@ -9,7 +9,7 @@
 namespace voxkernel {
 namespace {
 
-constexpr int kPeriods[3] = {8, 16, 32};  // what the shares of a stage are multiples of the inverse of
+constexpr int kPeriods[kOrders][3] = {{8, 64, 64}, {64, 64, 64}};  // the shares of a stage are multiples of the inverse
 constexpr int kPlacesAtOnce = 4;
 constexpr Index kOften = 2000;  // places after which it is asked which voxels of a tile are out of the race
 
@@ -20,13 +20,13 @@ struct Part {
     Index every, from;
   } planes[4];
 };
-constexpr Part kParts[4] = {
+constexpr Part kRows[4] = {
     {{{0, 0}, {0, 0}, {4, 2}, {0, 0}}},  // a sixteenth of the rows
     {{{2, 0}, {0, 0}, {4, 0}, {0, 0}}},  // three sixteenths
     {{{2, 1}, {1, 0}, {2, 1}, {1, 0}}},  // the rest
     {{{1, 0}, {1, 0}, {1, 0}, {1, 0}}},  // all
 };
-constexpr Part::Rows kFlatParts[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane
+constexpr Part::Rows kFlatRows[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane
 
 }  // namespace
 
@@ -35,27 +35,36 @@ void LabelTiles::bound(int pass, const Index* low, Index enough, Span<Index> hid
   start_at(low, enough, hidden);
   Word of[4];
   std::copy_n(own_, 4, of);
-  constexpr int kAll = 3;
-  if (pass < kAll) probe_all<0>(pass, enough, n_steps, stop);
-  if (pass == kAll) probe_all<1>(kAll, enough, n_steps, stop);
-  if (pass > kAll) probe_all<2>(kAll, enough, n_steps, stop);
+  if (order_ == 0) {
+    probe_all<0>(pass, enough, n_steps, stop);
+  } else {
+    probe_all<1>(pass, enough, n_steps, stop);
+  }
   counts_.write(hidden, of);
 }
 
+template <int order>
+void LabelTiles::probe_all(int pass, Index enough, Index& n_steps, Stop& stop) {
+  constexpr int kAll = 3;
+  if (pass < kAll) probe_rows<order, 0>(pass, enough, n_steps, stop);
+  if (pass == kAll) probe_rows<order, 1>(kAll, enough, n_steps, stop);
+  if (pass > kAll) probe_rows<order, 2>(kAll, enough, n_steps, stop);
+}
+
 // Far planes first.
-template <int stage>
-void LabelTiles::probe_all(int part, Index enough, Index& n_steps, Stop& stop) {
+template <int order, int stage>
+void LabelTiles::probe_rows(int part, Index enough, Index& n_steps, Stop& stop) {
   Index first = 0, last = shape_[1] - 1, n_waiting = 0;
   for (Index p = 0; p < shape_[1]; ++p) {
     const Index j = last - low_[1] > low_[1] - first ? last-- : first++;
-    const Part::Rows rows = is_flat_ ? kFlatParts[part] : kParts[part].planes[(j - low_[1]) & 3];
+    const Part::Rows rows = is_flat_ ? kFlatRows[part] : kRows[part].planes[(j - low_[1]) & 3];
     if (rows.every == 0) continue;
     const Index low_k = planes_[2 * j], high_k = planes_[2 * j + 1], from = low_[2] + rows.from;
     for (Index k = from - (from - low_k) / rows.every * rows.every; k <= high_k; k += rows.every) {
       if (k < low_k || first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
 #ifdef VOXKERNEL_HAS_AVX2
       if (has_avx2) {
-        probe_avx2<stage>(j, k);
+        probe_avx2<order, stage>(j, k);
         continue;
       }
 #endif
@@ -105,19 +114,19 @@ VOXKERNEL_AVX2_INLINE bool is_none_of_four(const __m256i* words) {
 
 // What probes see of four places in a row. The first is at a multiple of the period from the tile and `start` more;
 // `probed`: where the probes are for that multiple. Places that are next to each other share many probes.
-template <int first, int last, bool is_up, int start>
+template <int order, int first, int last, bool is_up, int start>
 VOXKERNEL_AVX2_INLINE void see_four(const Word* const* probed, __m256i* seen) {
 #pragma GCC unroll 16
   for (int p = first; p < last; ++p) {
 #pragma GCC unroll 4
     for (int t = 0; t < kPlacesAtOnce; ++t) {
-      const Index n = probe_at(p, start + t);
+      const Index n = probe_at(order, p, start + t);
       seen[t] = _mm256_and_si256(seen[t], load_words(is_up ? probed[p] + n : probed[p] - n));
     }
   }
 }
 
-template <int stage, bool is_up, int start>
+template <int order, int stage, bool is_up, int start>
 VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* const* probed, __m256i own,
                                                   bool has_first) {
   __m256i wanted[kPlacesAtOnce], seen[kPlacesAtOnce];
@@ -127,11 +136,11 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* co
   }
   if (is_none_of_four(wanted)) return;
   if (stage > 0) {
-    see_four<0, kProbes[stage], is_up, start>(probed, wanted);
+    see_four<order, 0, kProbes[stage], is_up, start>(probed, wanted);
     if (is_none_of_four(wanted)) return;
   }
   for (int t = 0; t < kPlacesAtOnce; ++t) seen[t] = wanted[t];
-  see_four<kProbes[stage], kProbes[stage + 1], is_up, start>(probed, seen);
+  see_four<order, kProbes[stage], kProbes[stage + 1], is_up, start>(probed, seen);
   __m256i ones = load_words(counts_.sums[0]), twos = load_words(counts_.sums[1]);
   const __m256i a = add_two(ones, _mm256_andnot_si256(seen[0], wanted[0]), _mm256_andnot_si256(seen[1], wanted[1]));
   const __m256i b = add_two(ones, _mm256_andnot_si256(seen[2], wanted[2]), _mm256_andnot_si256(seen[3], wanted[3]));
@@ -143,22 +152,22 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* co
 }
 
 // The places of a period.
-template <int stage, bool is_up, int start>
+template <int order, int stage, bool is_up, int start>
 VOXKERNEL_AVX2_INLINE void LabelTiles::probe_period(const Word* to, const Word* const* probed, __m256i own,
                                                     Index nearest, Index farthest) {
   if (start > farthest) return;
   if (start + kPlacesAtOnce > nearest) {
-    probe_four<stage, is_up, start>(to, probed, own, is_up || start > 0 || nearest <= 0);
+    probe_four<order, stage, is_up, start>(to, probed, own, is_up || start > 0 || nearest <= 0);
   }
-  if constexpr (start + kPlacesAtOnce < kPeriods[stage]) {
-    probe_period<stage, is_up, start + kPlacesAtOnce>(to, probed, own, nearest, farthest);
+  if constexpr (start + kPlacesAtOnce < kPeriods[order][stage]) {
+    probe_period<order, stage, is_up, start + kPlacesAtOnce>(to, probed, own, nearest, farthest);
   }
 }
 
 // One way from the tile; rows have layers of background at both ends, so that places beyond them count nothing.
-template <int stage, bool is_up>
+template <int order, int stage, bool is_up>
 VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own) {
-  constexpr Index way = is_up ? 1 : -1, period = kPeriods[stage];
+  constexpr Index way = is_up ? 1 : -1, period = kPeriods[order][stage];
   if (nearest > farthest) return;
   n_steps_ += farthest + 1 - nearest;
   const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
@@ -167,23 +176,23 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest
   const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + low_[0] + way * d;
   const Word* probed[kAllProbes];
   for (int p = 0; p < kProbes[stage + 1]; ++p) {
-    probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p] + way * share_of(p) * d / 32;
+    probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p] + way * kShares[order][p] * d / kParts;
   }
   for (; d <= farthest; d += period, to += way * period) {
-    probe_period<stage, is_up, 0>(to, probed, own, nearest - d, farthest - d);
-    for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] += way * share_of(p) * period / 32;
+    probe_period<order, stage, is_up, 0>(to, probed, own, nearest - d, farthest - d);
+    for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] += way * kShares[order][p] * period / kParts;
   }
 }
 
-template <int stage>
+template <int order, int stage>
 VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
   const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
   const bool is_far = std::max(std::abs(j - low_[1]), std::abs(k - low_[2])) >= kNear[stage];
   const Index near = is_far ? 0 : kNear[stage];
   const __m256i own = load_words(own_);
-  if (last >= low_[0]) probe_way<stage, true>(j, k, std::max(first - low_[0], near), last - low_[0], own);
+  if (last >= low_[0]) probe_way<order, stage, true>(j, k, std::max(first - low_[0], near), last - low_[0], own);
   if (first < low_[0]) {
-    probe_way<stage, false>(j, k, std::max(low_[0] - last, std::max<Index>(near, 1)), low_[0] - first, own);
+    probe_way<order, stage, false>(j, k, std::max(low_[0] - last, std::max<Index>(near, 1)), low_[0] - first, own);
   }
 }
 #endif
