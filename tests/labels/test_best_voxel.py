@@ -143,7 +143,7 @@ def test_levels_of_blocks(rng):
 
 
 def large_crop(n=104):
-    """More than 2**20 voxels: depths are held as places."""
+    """More than 2**20 voxels: depths of the deepest of each cube are held."""
     crop = np.pad(label_shapes.ball(n), 1)
     crop[30:50, :40, 30:55] = 0
     crop[70:75, 70:75, 70:75] = 0
@@ -155,25 +155,57 @@ def large_crop(n=104):
     ("n", "spacing"),
     [(104, (1.0, 1.0, 1.0)), (104, (2.0, 1.0, 1.0)), (104, (0.1, 0.1, 0.1)), (210, (1.0, 1.1, 1.23457))],
 )
-def test_places_of_depths_answer_as_depths(n, spacing):
+def test_depths_of_cubes_answer_as_depths(n, spacing):
     """With 0.1 equal depths differ in their last bit; of the last object more than 65,535 depths occur."""
     crop = large_crop(n)
     depths = np.empty(crop.shape)
     squared_depths(crop, False, np.array(spacing), depths)
-    places = Depths(crop, False, np.array(spacing))
+    cubes = Depths(crop, False, np.array(spacing))
     for most_steps in (0, 300_000) if n < 200 else (0,):
         expected = best_voxel(crop, False, depths, 0, 6000, most_steps)
-        assert best_voxel(crop, False, places, 0, 6000, most_steps) == expected
+        assert best_voxel(crop, False, cubes, 0, 6000, most_steps) == expected
     assert (len(np.unique(depths)) > 65_536) == (n == 210)
 
 
-def test_a_flat_crop_with_places_of_depths(rng):
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.1, 0.1, 0.1), (1.0, 1.1, 1.23457), (3.0, 0.2, 1.0)])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_which_voxel_of_a_large_crop_is_deeper(rng, spacing, axis):
+    """Anywhere, near each other, and of equal depth."""
+    crop = np.ascontiguousarray(np.swapaxes(large_crop(), 0, axis))
+    squares = np.empty(crop.shape)
+    squared_depths(crop, False, np.array(spacing), squares)
+    depths, flat = Depths(crop, False, np.array(spacing)), squares.ravel()
+    inside = np.flatnonzero(flat)
+    assert (inside == np.flatnonzero(crop)).all()
+    some, others = rng.choice(inside, 600), rng.choice(inside, 300)
+    others = [*others, *(some[300:] + rng.choice([1, crop.shape[2], crop.shape[2] * crop.shape[1]], 300))]
+    by_depth = inside[np.argsort(flat[inside], kind="stable")]
+    at = rng.integers(0, len(by_depth) - 1, 300)
+    for a, b in zip([*some, *by_depth[at], some[0]], [*others, *by_depth[at + 1], some[0]], strict=True):
+        if not flat[b]:
+            continue
+        assert depths.is_deeper(int(a), int(b)) == ((-flat[a], a) < (-flat[b], b))
+        assert depths.is_deeper(int(b), int(a)) == ((-flat[b], b) < (-flat[a], a))
+
+
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.7, 1.0, 1.3)])
+def test_blocks_of_a_large_crop_are_looked_into(spacing):
+    """A bar with a dent: the voxels of the smallest blocks are tried by their depth."""
+    crop = np.pad(np.ones((40, 40, 698), np.uint8), 1)
+    crop[1:4, 1:4, 340:350] = 0
+    squares = np.empty(crop.shape)
+    squared_depths(crop, False, np.array(spacing), squares)
+    expected = best_voxel(crop, False, squares, 0, 6000, 30_000_000)
+    assert best_voxel(crop, False, Depths(crop, False, np.array(spacing)), 0, 6000, 30_000_000) == expected
+
+
+def test_a_large_flat_crop(rng):
     crop = np.zeros((3, 1100, 1000), np.uint8)
     crop[1, 1:-1, 1:-1] = rng.random((1098, 998)) < 0.9999
     depths = np.empty(crop.shape)
     squared_depths(crop, True, np.array([1.0, 1.0, 0.7]), depths)
-    places = Depths(crop, True, np.array([1.0, 1.0, 0.7]))
-    assert best_voxel(crop, True, places, 0, 6000, 10**6) == best_voxel(crop, True, depths, 0, 6000, 10**6)
+    cubes = Depths(crop, True, np.array([1.0, 1.0, 0.7]))
+    assert best_voxel(crop, True, cubes, 0, 6000, 10**6) == best_voxel(crop, True, depths, 0, 6000, 10**6)
 
 
 MEMORY = """

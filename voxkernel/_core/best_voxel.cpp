@@ -16,7 +16,7 @@ namespace voxkernel {
 namespace {
 
 constexpr int kPositionBits = 34;                    // of a rank
-constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths
+constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths of cubes
 constexpr Index kSplit = 3;                          // blocks are cut in so many along every axis
 constexpr Index kMostBlocks = 1200;                  // of the coarsest
 
@@ -48,12 +48,9 @@ class BlockSearch {
   void cut(const Block& block, Index edge);
   Index bound(const Block& block);
   void look_into(const Block& block);
-  // Deeper voxels have lower ranks, of those that are equally deep the first; -1 outside. In a large object a rank is
-  // made of place and position.
-  Index rank_of(Index voxel) const {
-    if (!ranks_.empty()) return ranks_[voxel];
-    return crop_.bytes[voxel] == 0 ? -1 : (kMostPlaces - depths_.place(voxel)) << kPositionBits | voxel;
-  }
+  // Deeper voxels have lower ranks, of those that are equally deep the first. In a large object a rank is made of place
+  // and position.
+  Index deepest_rank(const Index* low, const Index* edges) const;
   Index voxel_of(Index rank) const {
     return by_depth_.empty() ? rank & ((Index{1} << kPositionBits) - 1) : by_depth_[rank];
   }
@@ -63,14 +60,14 @@ class BlockSearch {
   VoxelLooks& looks_;
   const Crop& crop_;
   const Depths& depths_;
-  std::vector<Index> by_depth_;      // positions, deepest first; none for depths by places
+  std::vector<Index> by_depth_;      // positions, deepest first; none for depths of cubes
   std::vector<std::int32_t> ranks_;  // of each position, -1 outside
   std::vector<Level> levels_;        // the widened ones, finest first
   std::priority_queue<Block> queue_;
   Index open_ = INT64_MAX;
 };
 
-// Calls `visit(rank, place in the box)` for the voxels of the object in a box.
+// Calls `visit(voxel)` for the voxels of the object in a box.
 template <typename Visit>
 void BlockSearch::each_voxel(const Index* low, const Index* edges, Visit&& visit) const {
   Index high[3];
@@ -78,11 +75,23 @@ void BlockSearch::each_voxel(const Index* low, const Index* edges, Visit&& visit
   for (Index i = low[0]; i < high[0]; ++i) {
     for (Index j = low[1]; j < high[1]; ++j) {
       for (Index k = low[2]; k < high[2]; ++k) {
-        const Index rank = rank_of(crop_.flat(i, j, k));
-        if (rank >= 0) visit(rank, ((i - low[0]) * edges[1] + j - low[1]) * edges[2] + k - low[2]);
+        const Index voxel = crop_.flat(i, j, k);
+        if (crop_.bytes[voxel] != 0) visit(voxel);
       }
     }
   }
+}
+
+// The rank of the deepest voxel in a box; INT64_MAX where there is none.
+Index BlockSearch::deepest_rank(const Index* low, const Index* edges) const {
+  Index rank = INT64_MAX;
+  if (depths_.cubes() == nullptr) {
+    each_voxel(low, edges, [&](Index voxel) { rank = std::min<Index>(rank, ranks_[voxel]); });
+    return rank;
+  }
+  const Index high[3] = {low[0] + edges[0], low[1] + edges[1], low[2] + edges[2]};
+  const DeepestVoxels::Found found = depths_.cubes()->find(low, high);
+  return found.place == 0 ? rank : (kMostPlaces - found.place) << kPositionBits | found.voxel;
 }
 
 // From the deepest voxel by steps that become shorter: the more is seen from the best so far, the sooner blocks and
@@ -118,8 +127,8 @@ void BlockSearch::cut(const Block& block, Index edge) {
   for (Index i = block.low[0]; i < last[0]; i += edge) {
     for (Index j = block.low[1]; j < last[1]; j += edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
-        Block part{block.hidden, INT64_MAX, edge, {i, j, k}};
-        each_voxel(part.low, edges, [&](Index rank, Index) { part.rank = std::min(part.rank, rank); });
+        const Index low[3] = {i, j, k};
+        Block part{block.hidden, deepest_rank(low, edges), edge, {i, j, k}};
         if (part.rank == INT64_MAX || part.hidden > looks_.enough(voxel_of(part.rank))) continue;
         if (!looks_.is_over()) part.hidden = std::max(part.hidden, bound(part));
         if (part.hidden <= looks_.enough(voxel_of(part.rank))) queue_.push(part);
@@ -143,22 +152,22 @@ Index BlockSearch::bound(const Block& block) {
 // Every voxel of a block of the finest edge, the deepest first.
 void BlockSearch::look_into(const Block& block) {
   const Index edges[3] = {block.edge, block.edge, block.edge};
-  std::vector<Index> ranks;
-  each_voxel(block.low, edges, [&](Index rank, Index) { ranks.push_back(rank); });
-  std::sort(ranks.begin(), ranks.end());
-  for (const Index rank : ranks) {
-    if (block.hidden > looks_.enough(voxel_of(rank))) continue;
+  std::vector<Index> voxels;
+  each_voxel(block.low, edges, [&](Index voxel) { voxels.push_back(voxel); });
+  std::sort(voxels.begin(), voxels.end(), [&](Index a, Index b) { return looks_.is_deeper(a, b); });
+  for (const Index voxel : voxels) {
+    if (block.hidden > looks_.enough(voxel)) continue;
     if (looks_.is_over()) {
       open_ = std::min(open_, block.hidden);
       return;
     }
-    looks_.consider(voxel_of(rank));
+    looks_.consider(voxel);
   }
 }
 
 Index BlockSearch::run() {
   const Index n = looks_.n_voxels();
-  if (!depths_.has_places()) {
+  if (depths_.cubes() == nullptr) {
     by_depth_.reserve(static_cast<std::size_t>(n));
     for (Index v = 0; v < crop_.size(); ++v) {
       if (crop_.bytes[v] != 0) by_depth_.push_back(v);
@@ -174,7 +183,9 @@ Index BlockSearch::run() {
   looks_.take(other, hidden);
   Index edge = kSplit;
   while (n / (edge * edge * (crop_.is_flat ? 1 : edge)) > kMostBlocks) edge *= kSplit;
-  for (Index e = kSplit; e <= edge; e *= kSplit) levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2)});
+  for (Index e = kSplit; e <= edge; e *= kSplit) {
+    levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2, &looks_.rows())});
+  }
   const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
   cut({0, 0, longest, {0, 0, 0}}, edge);
   while (!queue_.empty()) {

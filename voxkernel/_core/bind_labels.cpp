@@ -96,14 +96,17 @@ void bind_labels(nb::module_& m) {
       },
       array("crop"), nb::arg("is_flat"), array("center"), stop_argument(),
       "Number of voxels that a voxel of the object sees.");
-  nb::class_<Depths>(m, "Depths", "Which of two voxels of one crop is deeper.")
+  nb::class_<Depths>(m, "Depths", "Which of two voxels of one crop is deeper; not for two threads at once.")
       .def(
           "__init__",
           [](Depths* depths, const Image& crop, bool is_flat, Array<const double, 3> spacing, StopFlag* flag) {
             const Crop object = crop_of(crop, is_flat);
             without_lock([&](Stop& stop) { new (depths) Depths(object, spacing.data(), stop); }, flag);
           },
-          array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument());
+          array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument(), nb::keep_alive<1, 2>())
+      .def(
+          "is_deeper", [](const Depths& depths, Index a, Index b) { return depths.is_deeper(a, b); }, nb::arg("a"),
+          nb::arg("b"), "Whether one voxel of the object is deeper than another one, or as deep and before it.");
   const auto best_of = [](const Image& crop, bool is_flat, const Depths& depths, Index other, Index always,
                           Index most_steps, StopFlag* flag) {
     const Crop object = crop_of(crop, is_flat);

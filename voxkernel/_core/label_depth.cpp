@@ -1,160 +1,20 @@
 #include "label_depth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
-#include <limits>
 #include <numeric>
-#include <vector>
 
 namespace voxkernel {
 namespace {
 
-constexpr Index kSmall = Index{1} << 20;  // voxels, for which eight bytes each do no harm
-constexpr Index kSlab = Index{1} << 21;   // voxels that are worked on at once
-constexpr double kFar = std::numeric_limits<double>::infinity();
-
-// Lower envelope of parabolas, one a voxel of a line (Felzenszwalb and Huttenlocher 2012).
-class Envelope {
- public:
-  explicit Envelope(Index most) : values_(most), vertex_(most), from_(most + 1) {}
-
-  // Of a line only stretches of the object matter, each with the voxel outside before and after it: those farther away
-  // are never nearer.
-  void transform(double* line, Index n, Index stride, double spacing) {
-    for (Index q = 1; q < n; ++q) {
-      if (line[q * stride] == 0.0) continue;
-      Index last = q + 1;
-      while (last < n - 1 && line[last * stride] != 0.0) ++last;
-      stretch(line, q - 1, last, stride, spacing);
-      q = last;
-    }
-  }
-
- private:
-  void stretch(double* line, Index first, Index last, Index stride, double spacing) {
-    const double square = spacing * spacing;
-    Index top = -1;
-    for (Index q = first; q <= last; ++q) {
-      const double value = line[q * stride];
-      values_[q] = value;
-      double from = -kFar;
-      while (top >= 0) {
-        const Index v = vertex_[top];
-        const double gap = static_cast<double>(q - v);
-        from = 0.5 * ((value - values_[v]) / (square * gap) + static_cast<double>(q + v));
-        if (from > from_[top]) break;
-        --top;
-      }
-      if (top < 0) from = -kFar;
-      ++top;
-      vertex_[top] = q;
-      from_[top] = from;
-    }
-    from_[top + 1] = kFar;
-    Index at = 0;
-    for (Index q = first + 1; q < last; ++q) {
-      while (from_[at + 1] < static_cast<double>(q)) ++at;
-      const double gap = static_cast<double>(q - vertex_[at]) * spacing;
-      line[q * stride] = gap * gap + values_[vertex_[at]];
-    }
-  }
-
-  std::vector<double> values_;
-  std::vector<Index> vertex_;
-  std::vector<double> from_;
-};
-
-// The next voxel of the object in a row, from one on; n where there is none.
-Index next_voxel(const std::uint8_t* bytes, Index from, Index n) {
-  constexpr Index kAtOnce = 8;
-  std::uint64_t eight;
-  for (; from + kAtOnce <= n; from += kAtOnce) {
-    std::memcpy(&eight, bytes + from, sizeof eight);
-    if (eight != 0) break;
-  }
-  while (from < n && bytes[from] == 0) ++from;
-  return from;
-}
-
-// Along the last axis background is everywhere near, so that counting from both ends of each stretch of the object will
-// do.
-void first_axis(const std::uint8_t* bytes, double* row, Index n, double spacing) {
-  std::fill_n(row, n, 0.0);
-  for (Index k = next_voxel(bytes, 0, n); k < n; k = next_voxel(bytes, k, n)) {
-    Index last = k;
-    while (last < n && bytes[last] != 0) ++last;
-    for (Index q = k; q < last; ++q) {
-      const double d = static_cast<double>(std::min(q + 1 - k, last - q)) * spacing;
-      row[q] = d * d;
-    }
-    k = last;
-  }
-}
-
-// Lines of n voxels that lie side by side, `width` of them: voxels at the same distance along all lines in turn, until
-// they cannot be nearer than what is known. Faster than the envelope where objects are not deep.
-class SideBySide {
- public:
-  // Whether no voxel is deeper than the largest distance that is worth it. The first and the last voxels are outside.
-  static bool is_shallow(const double* lines, Index n, Index stride, Index width, double spacing) {
-    const double deep = kDeep * spacing;
-    for (Index q = 1; q < n - 1; ++q) {
-      if (largest(lines + q * stride, width) > deep * deep) return false;
-    }
-    return true;
-  }
-  void transform(double* lines, Index n, Index stride, Index width, double spacing) {
-    before_.resize(static_cast<std::size_t>(n * width));
-    for (Index q = 0; q < n; ++q) std::copy_n(lines + q * stride, width, before_.data() + q * width);
-    for (Index q = 1; q < n - 1; ++q) {
-      double* const own = lines + q * stride;
-      double most = largest(own, width);
-      for (Index gap = 1;; ++gap) {
-        const double distance = static_cast<double>(gap) * spacing, square = distance * distance;
-        if (square >= most) break;
-        const double* const low = before_.data() + (q - gap) * width;
-        const double* const high = before_.data() + (q + gap) * width;
-        for (Index k = 0; k < width; ++k) own[k] = std::min(own[k], square + std::min(low[k], high[k]));
-        most = largest(own, width);
-      }
-    }
-  }
-
- private:
-  static constexpr double kDeep = 32.0;
-
-  // Eight at a time: in one chain each would wait for the one before it.
-  static double largest(const double* values, Index n) {
-    constexpr Index kChains = 8;
-    double most[kChains] = {};
-    Index k = 0;
-    for (; k + kChains <= n; k += kChains) {
-      for (Index c = 0; c < kChains; ++c) most[c] = std::max(most[c], values[k + c]);
-    }
-    for (; k < n; ++k) most[0] = std::max(most[0], values[k]);
-    return *std::max_element(most, most + kChains);
-  }
-
-  std::vector<double> before_;
-};
-
-// The other two axes of a slab of `n` layers along the last one, all of which are known along that.
-void other_axes(const Crop& crop, const double* spacing, double* slab, Index n, Stop& stop) {
-  const Index ni = crop.shape[0], nj = crop.shape[1];
-  Envelope envelope(std::max(ni, nj));
-  SideBySide side_by_side;
-  const auto transform = [&](double* lines, Index length, Index stride, double gap) {
-    if (SideBySide::is_shallow(lines, length, stride, n, gap)) {
-      side_by_side.transform(lines, length, stride, n, gap);
-    } else {
-      for (Index k = 0; k < n; ++k) envelope.transform(lines + k, length, stride, gap);
-    }
-    stop.poll(4 * length * n);
-  };
-  for (Index i = 0; i < ni; ++i) transform(slab + i * nj * n, nj, n, spacing[1]);
-  if (crop.is_flat) return;
-  for (Index j = 1; j < nj - 1; ++j) transform(slab + j * n, ni, nj * n, spacing[0]);
-}
+constexpr Index kSmall = Index{1} << 20;   // voxels, for which eight bytes each do no harm
+constexpr Index kSlab = Index{1} << 20;    // voxels that are worked on at once
+constexpr Index kLayers = Index{1} << 21;  // numbers of layers that are kept
+constexpr Index kKnown = Index{1} << 12;   // depths of single voxels that are kept
+// Of a depth, relative, far more than rounding can do: two parabolas that are taken for each other near the point where
+// they meet differ there by less than 2^-28 of their height, for each of two axes.
+constexpr double kMargin = 1e-6;
 
 // Numbers numbers as they come, from 1: a table with open places.
 class Numbers {
@@ -194,67 +54,160 @@ class Numbers {
 }  // namespace
 
 void squared_depths(const Crop& crop, const double* spacing, Span<double> depths, Stop& stop) {
-  const Index ni = crop.shape[0], nj = crop.shape[1], nk = crop.shape[2];
-  for (Index row = 0; row < ni * nj; ++row) {
-    first_axis(crop.bytes.data() + row * nk, depths.data() + row * nk, nk, spacing[2]);
-    stop.poll(nk);
-  }
-  other_axes(crop, spacing, depths.data(), nk, stop);
+  DepthLayers(crop, spacing).fill(0, crop.shape[2], depths.data(), stop);
 }
 
 Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) {
-  if (crop.size() <= kSmall) {
-    own_.resize(static_cast<std::size_t>(crop.size()));
-    squared_depths(crop, spacing, own_, stop);
-    squares_ = own_;
+  if (crop.size() > kSmall) {
+    cubes_ = std::make_unique<DeepestVoxels>(crop, spacing, stop);
     return;
   }
+  own_.resize(static_cast<std::size_t>(crop.size()));
+  squared_depths(crop, spacing, own_, stop);
+  squares_ = own_;
+}
+
+DeepestVoxels::DeepestVoxels(const Crop& crop, const double* spacing, Stop& stop)
+    : crop_(crop), spacing_{spacing[0], spacing[1], spacing[2]}, again_(crop, spacing) {
+  Index n_cubes = 1;
+  for (int a = 0; a < 3; ++a) {
+    shape_[a] = (crop.shape[a] + kEdge - 1) / kEdge;
+    n_cubes *= shape_[a];
+  }
+  places_.assign(static_cast<std::size_t>(n_cubes), 0);
+  at_.assign(static_cast<std::size_t>(n_cubes), 0);
   const Index ni = crop.shape[0], nj = crop.shape[1], nk = crop.shape[2];
-  const Index width = std::max<Index>(1, std::min(nk, kSlab / (ni * nj)));
-  std::vector<double> slab(static_cast<std::size_t>(ni * nj * width)), row(static_cast<std::size_t>(nk));
-  narrow_.resize(static_cast<std::size_t>(crop.size()));
+  const Index width = std::max<Index>(1, kSlab / (ni * nj * kEdge)) * kEdge;
   Numbers numbers;
+  Brief<double> slab(static_cast<std::size_t>(ni * nj * std::min(width, nk)));
   for (Index first = 0; first < nk; first += width) {
     const Index n = std::min(width, nk - first);
-    for (Index r = 0; r < ni * nj; ++r) {
-      first_axis(crop.bytes.data() + r * nk, row.data(), nk, spacing[2]);
-      std::copy_n(row.data() + first, n, slab.data() + r * n);
-      stop.poll(nk);
-    }
-    other_axes(crop, spacing, slab.data(), n, stop);
-    for (Index r = 0; r < ni * nj; ++r) {
-      for (Index k = 0; k < n; ++k) {
-        const Index voxel = r * nk + first + k;
-        if (crop.bytes[voxel] != 0) set(voxel, numbers.of(slab[r * n + k]));
+    again_.fill(first, n, slab.data(), stop);
+    for (Index i = 0; i < ni; i += kEdge) {
+      for (Index j = 0; j < nj; j += kEdge) {
+        for (Index k = 0; k < n; k += kEdge) {
+          double most = 0.0;
+          Index at = 0;
+          for (Index di = 0; di < std::min(kEdge, ni - i); ++di) {
+            for (Index dj = 0; dj < std::min(kEdge, nj - j); ++dj) {
+              const double* row = slab.data() + ((i + di) * nj + j + dj) * n + k;
+              for (Index dk = 0; dk < std::min(kEdge, n - k); ++dk) {
+                if (row[dk] <= most) continue;
+                most = row[dk];
+                at = (di * kEdge + dj) * kEdge + dk;
+              }
+            }
+          }
+          if (most == 0.0) continue;
+          const Index ijk[3] = {i, j, first + k};
+          const Index cube = cube_of(ijk);
+          places_[cube] = numbers.of(most);
+          at_[cube] = static_cast<std::uint8_t>(at);
+        }
       }
-      stop.poll(n);
+      stop.poll(kEdge * nj * n);
     }
   }
-  std::vector<double>().swap(slab);
-  sort_places(numbers.values(), stop);
-}
-
-void Depths::set(Index voxel, std::uint32_t place) {
-  if (wide_.empty() && place > UINT16_MAX) {
-    wide_.assign(narrow_.begin(), narrow_.end());
-    std::vector<std::uint16_t>().swap(narrow_);
-  }
-  if (wide_.empty()) {
-    narrow_[voxel] = static_cast<std::uint16_t>(place);
-  } else {
-    wide_[voxel] = place;
-  }
-}
-
-// From numbers in the order they came to places in the order of the depths.
-void Depths::sort_places(std::vector<double>& values, Stop& stop) {
+  // From numbers in the order they came to places in the order of the depths.
+  const std::vector<double>& values = numbers.values();
   std::vector<std::uint32_t> order(values.size()), places(values.size() + 1, 0);
   std::iota(order.begin(), order.end(), std::uint32_t{0});
   std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return values[a] < values[b]; });
-  for (std::size_t k = 0; k < order.size(); ++k) places[order[k] + 1] = static_cast<std::uint32_t>(k + 1);
-  for (std::uint16_t& place : narrow_) place = static_cast<std::uint16_t>(places[place]);
-  for (std::uint32_t& place : wide_) place = places[place];
-  stop.poll(static_cast<Index>(narrow_.size() + wide_.size()));
+  depths_.reserve(values.size());
+  for (const std::uint32_t number : order) {
+    depths_.push_back(values[number]);
+    places[number + 1] = static_cast<std::uint32_t>(depths_.size());
+  }
+  for (std::uint32_t& place : places_) place = places[place];
+  known_.resize(static_cast<std::size_t>(kKnown));
+  layers_.reserve(static_cast<std::size_t>(std::max<Index>(kEdge + 1, std::min(nk, kLayers / (ni * nj)))));
+}
+
+Index DeepestVoxels::cube_of(const Index* ijk) const {
+  return (ijk[0] / kEdge * shape_[1] + ijk[1] / kEdge) * shape_[2] + ijk[2] / kEdge;
+}
+
+Index DeepestVoxels::voxel_of(Index cube) const {
+  const Index at = at_[cube], row = cube / shape_[2];
+  return crop_.flat(row / shape_[1] * kEdge + at / (kEdge * kEdge), row % shape_[1] * kEdge + at / kEdge % kEdge,
+                    cube % shape_[2] * kEdge + at % kEdge);
+}
+
+DeepestVoxels::Found DeepestVoxels::find(const Index* low, const Index* high) const {
+  Index first[3], last[3];
+  for (int a = 0; a < 3; ++a) {
+    first[a] = low[a] / kEdge;
+    last[a] = std::min(shape_[a], (high[a] + kEdge - 1) / kEdge);
+  }
+  Found found{0, 0};
+  for (Index i = first[0]; i < last[0]; ++i) {
+    for (Index j = first[1]; j < last[1]; ++j) {
+      for (Index k = first[2]; k < last[2]; ++k) {
+        const Index cube = (i * shape_[1] + j) * shape_[2] + k, place = places_[cube];
+        if (place == 0 || place < found.place) continue;
+        const Index voxel = voxel_of(cube);
+        if (place > found.place || voxel < found.voxel) found = {place, voxel};
+      }
+    }
+  }
+  return found;
+}
+
+// Depths, not squared, differ by no more than voxels are apart; none in a cube is greater than that of its deepest.
+DeepestVoxels::Bounds DeepestVoxels::bounds_of(Index voxel) const {
+  Index ijk[3], deepest[3];
+  crop_.position(voxel, ijk);
+  const Index cube = cube_of(ijk);
+  const double most = depths_[places_[cube] - 1];
+  const Index other = voxel_of(cube);
+  if (other == voxel) return {most, most};
+  const Known& known = known_[voxel % kKnown];
+  if (known.voxel == voxel) return {known.depth, known.depth};
+  crop_.position(other, deepest);
+  double square = 0.0;
+  for (int a = crop_.is_flat ? 1 : 0; a < 3; ++a) {
+    const double d = static_cast<double>(ijk[a] - deepest[a]) * spacing_[a];
+    square += d * d;
+  }
+  const double least = std::max(0.0, std::sqrt(most) * (1.0 - kMargin) - std::sqrt(square) * (1.0 + kMargin));
+  return {least * least * (1.0 - kMargin), most};
+}
+
+bool DeepestVoxels::is_deeper(Index a, Index b) {
+  const Bounds of_a = bounds_of(a), of_b = bounds_of(b);
+  if (of_a.low > of_b.high) return true;
+  if (of_a.high < of_b.low) return false;
+  const double depth_a = of_a.low == of_a.high ? of_a.low : depth_of(a);
+  const double depth_b = of_b.low == of_b.high ? of_b.low : depth_of(b);
+  return depth_a != depth_b ? depth_a > depth_b : a < b;
+}
+
+double DeepestVoxels::depth_of(Index voxel) {
+  const Index nk = crop_.shape[2];
+  const double depth = layer(voxel % nk)[voxel / nk];
+  known_[voxel % kKnown] = {voxel, depth};
+  return depth;
+}
+
+// Squared depths of one layer; the one that was not used for longest makes room.
+const double* DeepestVoxels::layer(Index k) {
+  Layer* oldest = nullptr;
+  for (Layer& layer : layers_) {
+    if (layer.k == k) {
+      layer.last_use = ++n_uses_;
+      return layer.depths.data();
+    }
+    if (oldest == nullptr || layer.last_use < oldest->last_use) oldest = &layer;
+  }
+  if (layers_.size() < layers_.capacity()) {
+    layers_.push_back({0, 0, Brief<double>(static_cast<std::size_t>(crop_.shape[0] * crop_.shape[1]))});
+    oldest = &layers_.back();
+  }
+  Stop stop;
+  again_.fill(k, 1, oldest->depths.data(), stop);
+  oldest->k = k;
+  oldest->last_use = ++n_uses_;
+  return oldest->depths.data();
 }
 
 }  // namespace voxkernel

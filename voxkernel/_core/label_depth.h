@@ -2,43 +2,89 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "depth_layers.h"
 #include "label_crop.h"
+#include "pages.h"
 #include "spans.h"
 #include "stop.h"
 
 namespace voxkernel {
 
-// Exact Euclidean distances in world units; 0 outside. A flat crop is measured along its last two axes.
+// Euclidean distances in world units, exact but for rounding; 0 outside.
 void squared_depths(const Crop& crop, const double* spacing, Span<double> depths, Stop& stop);
 
-// Tells which of two voxels of an object is deeper: by their squared depths, or, for a large object, by the places of
-// these among all that occur, which take two bytes a voxel, or four, where more than 65,535 of them occur.
+// Of each cube of an object the deepest voxel, which takes five bytes a cube; squared depths of others are found again,
+// a layer at a time, where bounds by the deepest one nearby do not tell.
+class DeepestVoxels {
+ public:
+  static constexpr Index kEdge = 3;  // of a cube; they start at voxel 0
+
+  DeepestVoxels(const Crop& crop, const double* spacing, Stop& stop);
+
+  bool is_deeper(Index a, Index b);
+  struct Found {
+    Index place, voxel;  // the place of its depth among those of the deepest voxels; 0 where there is no voxel
+  };
+  // Of a box of cubes, from voxel `low` on and before `high`; the first of several.
+  Found find(const Index* low, const Index* high) const;
+
+ private:
+  struct Bounds {
+    double low, high;
+  };
+  struct Layer {
+    Index k;
+    Index last_use;
+    Brief<double> depths;
+  };
+  struct Known {
+    Index voxel = -1;
+    double depth = 0.0;
+  };
+
+  Index cube_of(const Index* ijk) const;
+  Index voxel_of(Index cube) const;
+  Bounds bounds_of(Index voxel) const;
+  double depth_of(Index voxel);
+  const double* layer(Index k);
+
+  Crop crop_;
+  double spacing_[3];
+  Index shape_[3];               // in cubes
+  Brief<std::uint32_t> places_;  // of each cube, 0 where there is no voxel of the object
+  Brief<std::uint8_t> at_;       // where in the cube
+  std::vector<double> depths_;   // of places from 1 on, growing
+  DepthLayers again_;
+  std::vector<Layer> layers_;  // those asked for last
+  std::vector<Known> known_;   // voxels asked for last
+  Index n_uses_ = 0;
+};
+
+// Tells which of two voxels of an object is deeper, the first of two that are equally deep.
 class Depths {
  public:
   // Squared depths from elsewhere, which have to live on.
   explicit Depths(Doubles squares) : squares_(squares) {}
+  // The crop has to live on. Eight bytes a voxel for a small one.
   Depths(const Crop& crop, const double* spacing, Stop& stop);
 
   Depths(const Depths&) = delete;
   Depths& operator=(const Depths&) = delete;
 
-  double operator[](Index voxel) const { return !has_places() ? squares_[voxel] : static_cast<double>(place(voxel)); }
-  bool has_places() const { return squares_.size() == 0; }
-  // 0 outside; larger for deeper voxels.
-  Index place(Index voxel) const {
-    return !narrow_.empty() ? static_cast<Index>(narrow_[voxel]) : static_cast<Index>(wide_[voxel]);
+  bool is_deeper(Index a, Index b) const {
+    if (cubes_ != nullptr) return cubes_->is_deeper(a, b);
+    return squares_[a] != squares_[b] ? squares_[a] > squares_[b] : a < b;
   }
+  // None for a small crop.
+  const DeepestVoxels* cubes() const { return cubes_.get(); }
 
  private:
-  void set(Index voxel, std::uint32_t place);
-  void sort_places(std::vector<double>& values, Stop& stop);
-
   std::vector<double> own_;
   Doubles squares_;
-  std::vector<std::uint16_t> narrow_;
-  std::vector<std::uint32_t> wide_;
+  std::unique_ptr<DeepestVoxels> cubes_;
 };
 
 }  // namespace voxkernel

@@ -4,12 +4,16 @@
 #include <cmath>
 #include <limits>
 
+#include "bits.h"
+
 namespace voxkernel {
 namespace {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
-constexpr int kMostBits = 16;  // behind the binary point of an end, in voxels
-constexpr int kLongest = 29;   // bits of an end: sums of two products of differences fit in 64
+constexpr Index kBits = 64;
+constexpr Index kSmall = Index{1} << 20;  // voxels, for which two bytes each do no harm
+constexpr int kMostBits = 16;             // behind the binary point of an end, in voxels
+constexpr int kLongest = 29;              // bits of an end: sums of two products of differences fit in 64
 
 double exact_length(const Crop& crop, const Index* center, const double* u, Index& n_steps) {
   double half[3], next[3];
@@ -82,19 +86,6 @@ constexpr Index kUp = Index{1} << 40;
 Index last_row(Index q, int bits) { return ((q + kUp) >> bits) - (kUp >> bits); }
 Index first_row(Index q, int bits) { return last_row(q + (Index{1} << bits) - 1, bits); }
 
-template <typename Count>
-std::vector<Count> sums_along_rows(const Crop& crop) {
-  std::vector<Count> sums(static_cast<std::size_t>(crop.size()));
-  const Index nk = crop.shape[2];
-  for (Index row = 0; row < crop.shape[0] * crop.shape[1]; ++row) {
-    const std::uint8_t* bytes = crop.bytes.data() + row * nk;
-    Count* to = sums.data() + row * nk;
-    Count sum = 0;
-    for (Index k = 0; k < nk; ++k) to[k] = sum = static_cast<Count>(sum + (bytes[k] != 0 ? 1 : 0));
-  }
-  return sums;
-}
-
 }  // namespace
 
 void ray_lengths(const Crop& crop, const Index* center, Points directions, RayEnd end, Span<double> lengths,
@@ -109,11 +100,37 @@ void ray_lengths(const Crop& crop, const Index* center, Points directions, RayEn
 }
 
 StarRaster::StarRaster(const Crop& crop) : crop_(crop) {
-  if (crop.shape[2] <= UINT16_MAX) {
-    before_ = sums_along_rows<std::uint16_t>(crop);
-  } else {
-    long_before_ = sums_along_rows<std::int32_t>(crop);
+  const Index nk = crop.shape[2], n_rows = crop.shape[0] * crop.shape[1];
+  if (crop.size() <= kSmall && nk <= UINT16_MAX) {
+    before_.resize(static_cast<std::size_t>(crop.size()));
+    for (Index row = 0; row < n_rows; ++row) {
+      const std::uint8_t* bytes = crop.bytes.data() + row * nk;
+      std::uint16_t* to = before_.data() + row * nk;
+      std::uint16_t sum = 0;
+      for (Index k = 0; k < nk; ++k) to[k] = sum = static_cast<std::uint16_t>(sum + (bytes[k] != 0 ? 1 : 0));
+    }
+    return;
   }
+  n_stretches_ = (nk + kBits - 1) / kBits;
+  stretches_.reserve(static_cast<std::size_t>(n_rows * n_stretches_));
+  for (Index row = 0; row < n_rows; ++row) {
+    const std::uint8_t* bytes = crop.bytes.data() + row * nk;
+    Index sum = 0;
+    for (Index first = 0; first < nk; first += kBits) {
+      std::uint64_t bits = 0;
+      const Index n = std::min(kBits, nk - first);
+      for (Index k = 0; k < n; ++k) bits |= std::uint64_t{bytes[first + k] != 0 ? 1u : 0u} << k;
+      stretches_.push_back({bits, sum});
+      sum += count_bits(bits);
+    }
+  }
+}
+
+// Voxels of the object in a row of the crop up to and with one.
+inline Index StarRaster::count_to(Index i, Index j, Index k) const {
+  if (!before_.empty()) return before_[crop_.flat(i, j, k)];
+  const Stretch& stretch = stretches_[(i * crop_.shape[1] + j) * n_stretches_ + k / kBits];
+  return stretch.before + count_bits(stretch.bits & ~std::uint64_t{0} >> (kBits - 1 - k % kBits));
 }
 
 // The row of voxel (i, j) passes the surface at x: all voxels up to there count, once more or once less.
@@ -124,7 +141,7 @@ void StarRaster::pass(Index i, Index j, double x, bool leaves) {
   const Index size = k - (low_[2] - 1);
   Index common = 0;
   if (i >= 0 && i < crop_.shape[0] && j >= 0 && j < crop_.shape[1] && k >= 0) {
-    common = before(crop_.flat(i, j, std::min(k, crop_.shape[2] - 1)));
+    common = count_to(i, j, std::min(k, crop_.shape[2] - 1));
   }
   count_.size += leaves ? size : -size;
   count_.common += leaves ? common : -common;

@@ -37,11 +37,18 @@ class StarRaster {
  private:
   void pass(Index i, Index j, double x, bool leaves);
 
-  Crop crop_;
-  Index before(Index voxel) const { return before_.empty() ? long_before_[voxel] : before_[voxel]; }
+  // 64 voxels of a row, and how many before them are of the object.
+  struct Stretch {
+    std::uint64_t bits;
+    Index before;
+  };
 
-  std::vector<std::uint16_t> before_;      // voxels of the object in a row up to and with each
-  std::vector<std::int32_t> long_before_;  // the same where rows are too long
+  Index count_to(Index i, Index j, Index k) const;
+
+  Crop crop_;
+  std::vector<std::uint16_t> before_;  // voxels of the object in a row up to and with each, for a small crop
+  Index n_stretches_ = 0;              // of a row
+  std::vector<Stretch> stretches_;
   Index center_[3] = {0, 0, 0}, low_[3] = {0, 0, 0}, high_[3] = {0, 0, 0};
   StarCount count_;
 };

@@ -42,20 +42,21 @@ Word run_of(Word of, Word seed) {
 }
 
 // Ones spread by `reach` along a line of `n` groups of words, `stride` words from one to the next. What has spread by c
-// already may be moved by up to 2 c + 1 without leaving gaps.
+// already may be moved by up to 2 c + 1 without leaving gaps. On its way it may leave the line by up to `reach`.
 void widen_across(Word* words, Index n, Index stride, Index group, Index reach, std::vector<Word>& line) {
-  line.resize(static_cast<std::size_t>(n * group));
+  const Index size = (n + 2 * reach) * group;
+  line.assign(static_cast<std::size_t>(2 * size), 0);
+  Word *from = line.data(), *to = from + size;
+  for (Index i = 0; i < n; ++i) std::copy_n(words + i * stride, group, from + (i + reach) * group);
   for (Index c = 0; c < reach;) {
-    const Index by = std::min(2 * c + 1, reach - c);
-    for (Index i = 0; i < n; ++i) std::copy_n(words + i * stride, group, line.data() + i * group);
-    for (Index i = 0; i < n; ++i) {
-      Word* to = words + i * stride;
-      const Word* own = line.data() + i * group;
-      for (Index w = 0; i >= by && w < group; ++w) to[w] |= own[w - by * group];
-      for (Index w = 0; i + by < n && w < group; ++w) to[w] |= own[w + by * group];
-    }
+    const Index by = std::min(2 * c + 1, reach - c), move = by * group;
+    for (Index w = 0; w < size; ++w) to[w] = from[w];
+    for (Index w = move; w < size; ++w) to[w] |= from[w - move];
+    for (Index w = 0; w < size - move; ++w) to[w] |= from[w + move];
+    std::swap(from, to);
     c += by;
   }
+  for (Index i = 0; i < n; ++i) std::copy_n(from + (i + reach) * group, group, words + i * stride);
 }
 
 // The same along the bits of a row.
@@ -76,7 +77,31 @@ void widen_along(Word* row, Index n_words, Index n_bits, Index reach, std::vecto
 
 }  // namespace
 
-LabelRows::LabelRows(const Crop& crop, Index reach) {
+LabelRows::Walls::Walls(Index n, const Index* shape) {
+  if (std::max({shape[0], shape[1], shape[2]}) < UINT16_MAX) {
+    short_.assign(static_cast<std::size_t>(n), ShortWall{0, 0, 1, 0});
+  } else {
+    long_.assign(static_cast<std::size_t>(n), Wall{0, 0, 0, -1});
+  }
+}
+
+LabelRows::Wall LabelRows::Walls::operator[](Index at) const {
+  if (short_.empty()) return long_[at];
+  const ShortWall& wall = short_[at];
+  return {wall.i, wall.j, wall.first == 0 ? -kFar : wall.first - 1, wall.last == UINT16_MAX ? kFar : wall.last - 1};
+}
+
+void LabelRows::Walls::set(Index at, const Wall& wall) {
+  if (short_.empty()) {
+    long_[at] = wall;
+    return;
+  }
+  const auto narrow = [](std::int32_t n) { return static_cast<std::uint16_t>(n); };
+  short_[at] = {narrow(wall.i), narrow(wall.j), narrow(wall.first < 0 ? 0 : wall.first + 1),
+                narrow(wall.last == kFar ? UINT16_MAX : wall.last + 1)};
+}
+
+LabelRows::LabelRows(const Crop& crop, Index reach, const LabelRows* like) {
   // Rows along the axis that needs the fewest words.
   Index fewest = -1;
   for (int a = crop.is_flat ? 1 : 0; a < 3; ++a) {
@@ -91,47 +116,98 @@ LabelRows::LabelRows(const Crop& crop, Index reach) {
   }
   axes_[0] = axes_[2] == 0 ? 1 : 0;
   axes_[1] = 3 - axes_[0] - axes_[2];
+  const Index edge = 2 * reach + 1;
   for (int a = 0; a < 3; ++a) {
-    margin_[a] = crop.is_flat && axes_[a] == 0 ? 0 : reach;
-    shape_[a] = crop.shape[axes_[a]] + 2 * margin_[a];
+    const bool is_widened = reach > 0 && !(crop.is_flat && axes_[a] == 0);
+    extent_[a] = crop.shape[axes_[a]];
+    // Nothing is looked at farther out than targets and the outermost middles of cubes.
+    const Index last_middle = (extent_[a] - 1) / edge * edge + reach;
+    margin_[a] = !is_widened ? 0 : a < 2 ? 1 : reach;
+    shape_[a] = extent_[a] + 2 * margin_[a];
+    if (is_widened && a < 2) shape_[a] = std::max(shape_[a], last_middle + margin_[a] + 2);
+    if (a < 2) full_[a] = extent_[a] + (is_widened ? 2 * reach : 0);
   }
   n_words_ = (shape_[2] + kBits - 1) / kBits;
+  n_own_ = (extent_[2] + kBits - 1) / kBits;
   strides_[0] = shape_[1] * n_words_ * kBits;
   strides_[1] = n_words_ * kBits;
   strides_[2] = 1;
+  if (like != nullptr && std::equal(axes_, axes_ + 3, like->axes_)) {
+    shared_ = like->shared_;
+  } else {
+    shared_ = std::make_shared<Shared>();
+    take_targets(crop);
+  }
+  targets_ = open_ = shared_->targets.data();
   const Index n_rows = shape_[0] * shape_[1];
-  targets_.assign(static_cast<std::size_t>(n_rows * n_words_), 0);
-  Index steps[3];
-  for (int a = 0; a < 3; ++a) steps[axes_[a]] = strides_[a];
-  Index start = 0;
-  for (int a = 0; a < 3; ++a) start += margin_[a] * strides_[a];
-  for (Index i = 0; i < crop.shape[0]; ++i) {
-    for (Index j = 0; j < crop.shape[1]; ++j) {
-      const std::uint8_t* from = crop.bytes.data() + crop.flat(i, j, 0);
-      Index to = start + i * steps[0] + j * steps[1];
-      for (Index k = 0; k < crop.shape[2]; ++k, to += steps[2]) {
-        targets_[to / kBits] |= Word{from[k] != 0 ? 1u : 0u} << (to % kBits);
-      }
-    }
+  if (reach > 0) {
+    widen(reach);
+    open_ = widened_.data();
   }
-  open_ = targets_;
-  std::vector<Word> line;
-  if (margin_[2] > 0) {
-    for (Index r = 0; r < n_rows; ++r) widen_along(open_.data() + r * n_words_, n_words_, shape_[2], reach, line);
+  const std::size_t n_all = static_cast<std::size_t>(n_rows * n_words_);
+  if (shared_->seen.size() < n_all) {
+    Brief<Word>().swap(shared_->seen);
+    shared_->seen.assign(n_all, 0);
   }
-  for (Index i = 0; margin_[1] > 0 && i < shape_[0]; ++i) {
-    widen_across(open_.data() + i * shape_[1] * n_words_, shape_[1], n_words_, n_words_, reach, line);
-  }
-  for (Index j = 0; margin_[0] > 0 && j < shape_[1]; ++j) {
-    widen_across(open_.data() + j * n_words_, shape_[0], shape_[1] * n_words_, n_words_, reach, line);
-  }
-  seen_.assign(open_.size(), 0);
-  walls_.assign(static_cast<std::size_t>(2 * n_rows), Wall{0, 0, 0, -1});
+  walls_ = Walls(2 * n_rows, shape_);
   is_open_.assign(static_cast<std::size_t>(n_rows), 0);
   for (Index w = 0; w < n_rows * n_words_; ++w) {
     if (open_[w] != 0) is_open_[w / n_words_] = 1;
   }
   steps_ = SegmentSteps(shape_, strides_);
+}
+
+void LabelRows::take_targets(const Crop& crop) {
+  Brief<Word>& targets = shared_->targets;
+  targets.assign(static_cast<std::size_t>(extent_[0] * extent_[1] * n_own_), 0);
+  Index steps[3];
+  steps[axes_[0]] = extent_[1] * n_own_ * kBits;
+  steps[axes_[1]] = n_own_ * kBits;
+  steps[axes_[2]] = 1;
+  for (Index i = 0; i < crop.shape[0]; ++i) {
+    for (Index j = 0; j < crop.shape[1]; ++j) {
+      const std::uint8_t* from = crop.bytes.data() + crop.flat(i, j, 0);
+      Index to = i * steps[0] + j * steps[1];
+      for (Index k = 0; k < crop.shape[2]; ++k, to += steps[2]) {
+        targets[to / kBits] |= Word{from[k] != 0 ? 1u : 0u} << (to % kBits);
+      }
+    }
+  }
+}
+
+void LabelRows::widen(Index reach) {
+  widened_.assign(static_cast<std::size_t>(shape_[0] * shape_[1] * n_words_), 0);
+  std::vector<Word> line;
+  for (Index i = margin_[0]; i < margin_[0] + extent_[0]; ++i) {
+    for (Index j = margin_[1]; j < margin_[1] + extent_[1]; ++j) {
+      const Word* own = targets_of(i, j);
+      Word* row = widened_.data() + (i * shape_[1] + j) * n_words_;
+      for (Index w = 0; w < n_words_; ++w) row[w] = targets_in(own, w);
+      if (margin_[2] > 0) widen_along(row, n_words_, shape_[2], reach, line);
+    }
+  }
+  for (Index i = 0; margin_[1] > 0 && i < shape_[0]; ++i) {
+    widen_across(widened_.data() + i * shape_[1] * n_words_, shape_[1], n_words_, n_words_, reach, line);
+  }
+  for (Index j = 0; margin_[0] > 0 && j < shape_[1]; ++j) {
+    widen_across(widened_.data() + j * n_words_, shape_[0], shape_[1] * n_words_, n_words_, reach, line);
+  }
+}
+
+// Nothing outside the crop.
+const Word* LabelRows::targets_of(Index i, Index j) const {
+  const Index own_i = i - margin_[0], own_j = j - margin_[1];
+  if (own_i < 0 || own_i >= extent_[0] || own_j < 0 || own_j >= extent_[1]) return nullptr;
+  return targets_ + (own_i * extent_[1] + own_j) * n_own_;
+}
+
+// The targets in a word of a row with its margin.
+inline Word LabelRows::targets_in(const Word* row, Index word) const {
+  if (margin_[2] == 0) return row[word];
+  const Index whole = word - (margin_[2] + kBits - 1) / kBits, bit = (kBits - margin_[2] % kBits) % kBits;
+  const Word low = whole >= 0 && whole < n_own_ ? row[whole] >> bit : 0;
+  const Word high = bit > 0 && whole + 1 >= 0 && whole + 1 < n_own_ ? row[whole + 1] << (kBits - bit) : 0;
+  return low | high;
 }
 
 void LabelRows::stand_at(const Index* voxel) {
@@ -140,25 +216,35 @@ void LabelRows::stand_at(const Index* voxel) {
     center_[a] = voxel[axes_[a]] + margin_[a];
     at_ += center_[a] * strides_[a];
   }
+  seen_ = shared_->seen.data();
   n_hidden_ = n_steps_ = 0;
 }
 
-// Planes and rows from the centre outwards, so that those nearer to it are known.
+// Planes and rows from the centre outwards, so that those nearer to it are known. All that are open count as looked at.
 Index LabelRows::hidden(const Index* voxel, Index enough, Index& n_steps, Stop& stop) {
   stand_at(voxel);
+  Index low[2], high[2];
+  for (int a = 0; a < 2; ++a) {
+    low[a] = std::min(center_[a], margin_[a] + 1);
+    high[a] = std::max(center_[a], margin_[a] + extent_[a] - 2);
+  }
+  const Index first_plane = center_[0] - margin_[0] + (full_[0] - extent_[0]) / 2;  // in all that is open
   for (const Index step_i : {Index{1}, Index{-1}}) {
-    for (Index i = step_i > 0 ? center_[0] : center_[0] - 1; i > 0 && i < shape_[0] - 1; i += step_i) {
+    Index n_planes = step_i > 0 ? full_[0] - 1 - first_plane : first_plane - 1;
+    for (Index i = step_i > 0 ? center_[0] : center_[0] - 1; i >= low[0] && i <= high[0]; i += step_i) {
       back_i_ = i == center_[0] ? 0 : -step_i * shape_[1];
       back_j_ = -1;
-      for (Index j = center_[1]; j < shape_[1] - 1; ++j) look_at(i, j);
+      for (Index j = center_[1]; j <= high[1]; ++j) look_at(i, j);
       back_j_ = 1;
-      for (Index j = center_[1] - 1; j > 0; --j) look_at(i, j);
-      n_steps_ += kRowSteps * shape_[1];
+      for (Index j = center_[1] - 1; j >= low[1]; --j) look_at(i, j);
+      n_steps_ += kRowSteps * full_[1];
       stop.poll(n_steps_);
       n_steps += n_steps_;
       n_steps_ = 0;
+      --n_planes;
       if (n_hidden_ > enough) return n_hidden_;
     }
+    n_steps += n_planes * kRowSteps * full_[1];
   }
   return n_hidden_;
 }
@@ -179,18 +265,24 @@ void LabelRows::list_hidden(const Crop& crop, std::vector<Index>& targets) const
 
 void LabelRows::look_at(Index i, Index j) {
   const Index row = i * shape_[1] + j;
-  if (is_open_[row] == 0) return;
+  if (is_open_[row] == 0) {
+    std::fill_n(seen_ + row * n_words_, n_words_, 0);
+    return;
+  }
   offset_[0] = i - center_[0];
   offset_[1] = j - center_[1];
+  row_targets_ = targets_of(i, j);
   half_row<true>(row);
   half_row<false>(row);
-  for (Index w = row * n_words_; w < (row + 1) * n_words_; ++w) n_hidden_ += count_bits(targets_[w] & ~seen_[w]);
+  if (row_targets_ == nullptr) return;
+  const Word* seen = seen_ + row * n_words_;
+  for (Index w = 0; w < n_words_; ++w) n_hidden_ += count_bits(targets_in(row_targets_, w) & ~seen[w]);
 }
 
 template <bool is_up>
 void LabelRows::half_row(Index row) {
   const Index middle = center_[2] / kBits, bit = center_[2] % kBits;
-  Word* seen_row = seen_.data() + row * n_words_;
+  Word* seen_row = seen_ + row * n_words_;
   bool goes_on = is_up || (seen_row[middle] >> bit & 1u) != 0;  // whether the voxel before the next one is seen
   for (Index w = middle; is_up ? w < n_words_ : w >= 0; w += is_up ? 1 : -1) {
     Word mask = ~Word{0};
@@ -204,7 +296,7 @@ void LabelRows::half_row(Index row) {
     }
     Word chain;
     Word found = sure<is_up>(at, w, mask, goes_on, chain);
-    Word left = targets_[at] & mask & ~found;
+    Word left = row_targets_ == nullptr ? 0 : targets_in(row_targets_, w) & mask & ~found;
     while (left != 0) {
       const Index k = is_up ? lowest_bit(left) : highest_bit(left);
       const Word hides = dark<is_up>(row, w, w * kBits + k);
@@ -268,21 +360,22 @@ Word LabelRows::within(Index word, Index c) const {
 template <bool is_up>
 Word LabelRows::dark(Index row, Index word, Index k) {
   const Index half = is_up ? 0 : 1;
-  Wall& own = walls_[2 * row + half];
-  Word hides = shadow<is_up>(own, word, k);
+  const Index own = 2 * row + half;
+  Word hides = shadow<is_up>(walls_[own], word, k);
   if (hides != 0) return hides;
   for (const Index back : {back_i_, offset_[1] == 0 ? Index{0} : back_j_}) {
     if (back == 0) continue;
-    const Wall& wall = walls_[2 * (row + back) + half];
+    const Wall wall = walls_[2 * (row + back) + half];
     hides = shadow<is_up>(wall, word, k);
     if (hides == 0) continue;
-    own = wall;
+    walls_.set(own, wall);
     return hides;
   }
   const Index at = find_wall(row, k);
   if (at < 0) return 0;
-  own = wall_at(at);
-  return shadow<is_up>(own, word, k);
+  const Wall wall = wall_at(at);
+  walls_.set(own, wall);
+  return shadow<is_up>(wall, word, k);
 }
 
 // Of half of the row at work, all that a wall hides in a word; 0 if `k` is given, and it does not hide that. The

@@ -7,7 +7,11 @@ VoxelLooks::VoxelLooks(const Crop& crop, const Depths& depths, Stop& stop)
   for (Index v = 0; v < crop.size(); ++v) {
     if (crop.bytes[v] == 0) continue;
     ++n_voxels_;
-    if (deepest_ < 0 || is_deeper(v, deepest_)) deepest_ = v;
+    if (depths.cubes() == nullptr && (deepest_ < 0 || is_deeper(v, deepest_))) deepest_ = v;
+  }
+  if (depths.cubes() != nullptr) {
+    const Index low[3] = {0, 0, 0};
+    deepest_ = depths.cubes()->find(low, crop.shape).voxel;
   }
   is_known_.assign(static_cast<std::size_t>(crop.size()), false);
   winner_ = deepest_;

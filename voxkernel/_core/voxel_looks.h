@@ -18,6 +18,7 @@ class VoxelLooks {
 
   const Crop& crop() const { return crop_; }
   Stop& stop() const { return stop_; }
+  const LabelRows& rows() const { return rows_; }
   Index n_voxels() const { return n_voxels_; }
   Index deepest() const { return deepest_; }
   Index hidden_from_deepest() const { return hidden_from_deepest_; }
@@ -25,7 +26,7 @@ class VoxelLooks {
 
   Index winner() const { return winner_; }
   Index least() const { return least_; }  // hidden from it
-  bool is_deeper(Index a, Index b) const { return depths_[a] != depths_[b] ? depths_[a] > depths_[b] : a < b; }
+  bool is_deeper(Index a, Index b) const { return depths_.is_deeper(a, b); }
   // What may be hidden at most from a voxel that is better than the best so far: of voxels from which equally much is
   // hidden the deepest counts, then the first.
   Index enough(Index voxel) const { return least_ - (is_deeper(voxel, winner_) ? 0 : 1); }
