@@ -111,14 +111,19 @@ def test_views_and_the_best_voxel_beside_all_pairs(rng, is_flat):
             assert visible_voxels(crop, is_flat, v, painted) == counts[k]
             assert (painted[crop != 0] == seen[k]).all()
             assert not painted[crop == 0].any()
-        depths = depths_of(crop, is_flat, (2.0, 1.0, 0.7))
-        voxel, n_seen, upper, deepest, n_deepest, _, _ = best_voxel(crop, is_flat, depths, 0, 6000, 0)
+        spacing = (2.0, 1.0, 0.7)
+        depths = depths_of(crop, is_flat, spacing)
+        voxel, n_seen, upper, deepest, n_deepest, _, _ = best_voxel(
+            crop, is_flat, depths, 0, 6000, 0, spacing=spacing
+        )
         assert n_seen == upper == counts.max()
         at = depths[crop != 0]
-        best = max(np.flatnonzero(counts == counts.max()), key=lambda k: (at[k], -k))
+        near = [-square for square in map(label_shapes.from_centroid(crop, spacing), voxels)]
+        best = max(np.flatnonzero(counts == counts.max()), key=lambda k: (at[k], near[k], -k))
+        first = max(range(len(voxels)), key=lambda k: (at[k], near[k], -k))
         assert voxel == np.ravel_multi_index(voxels[best], crop.shape)
-        assert deepest == np.ravel_multi_index(voxels[int(np.argmax(at))], crop.shape)
-        assert n_deepest == counts[int(np.argmax(at))]
+        assert deepest == np.ravel_multi_index(voxels[first], crop.shape)
+        assert n_deepest == counts[first]
         for most_steps in (0, 3000, 30_000):
             _, low, high, *_ = best_voxel(crop, is_flat, depths, 0, 0, most_steps)
             assert low <= counts.max() <= high

@@ -10,13 +10,16 @@ import pytest
 from voxkernel._core import Depths, best_voxel, squared_depths, visible_count
 
 
-def by_looking_from_all(crop, depths, *, is_flat):
-    ranked = [
-        (-visible_count(crop, is_flat, v), -depths[tuple(v)], int(np.ravel_multi_index(tuple(v), crop.shape)))
-        for v in np.ascontiguousarray(np.argwhere(crop))
-    ]
-    seen, _, voxel = min(ranked)
-    return -seen, voxel
+def by_looking_from_all(crop, depths, *, is_flat, spacing=(1.0, 1.0, 1.0)):
+    """Of the voxels that see most the deepest, then the nearest to the centroid, then the first."""
+    voxels = np.ascontiguousarray(np.argwhere(crop))
+    seen = [visible_count(crop, is_flat, v) for v in voxels]
+    best = [v for v, n in zip(voxels, seen, strict=True) if n == max(seen)]
+    deepest = max(depths[tuple(v)] for v in best)
+    best = [v for v in best if depths[tuple(v)] == deepest]
+    square = label_shapes.from_centroid(crop, spacing)
+    voxel = min(best, key=lambda v: (square(v), v.tolist()))
+    return max(seen), int(np.ravel_multi_index(tuple(voxel), crop.shape))
 
 
 def images(rng, axes):
@@ -36,16 +39,61 @@ def test_beside_looking_from_every_voxel(rng, axes):
         if not image.any():
             continue
         crop, depths = np.pad(image, 1), np.empty(np.add(image.shape, 2))
-        squared_depths(crop, axes == 2, np.array([2.0, 1.0, 0.5]), depths)
-        voxel, seen, upper, deepest, n_deepest, _, _ = best_voxel(crop, axes == 2, depths, 0, 6000, 0)
-        assert (seen, voxel) == by_looking_from_all(crop, depths, is_flat=axes == 2)
+        spacing = (2.0, 1.0, 0.5)
+        squared_depths(crop, axes == 2, np.array(spacing), depths)
+        voxel, seen, upper, deepest, n_deepest, _, _ = best_voxel(
+            crop, axes == 2, depths, 0, 6000, 0, spacing=spacing
+        )
+        assert (seen, voxel) == by_looking_from_all(crop, depths, is_flat=axes == 2, spacing=spacing)
         assert upper == seen
         assert depths.flat[deepest] == depths[crop != 0].max()
         assert n_deepest == visible_count(crop, axes == 2, np.array(np.unravel_index(deepest, crop.shape)))
         for most_steps in (0, 300, 3000):
-            early = best_voxel(crop, axes == 2, depths, 0, 0, most_steps)
+            early = best_voxel(crop, axes == 2, depths, 0, 0, most_steps, spacing=spacing)
             assert early[1] == visible_count(crop, axes == 2, np.array(np.unravel_index(early[0], crop.shape)))
             assert n_deepest <= early[1] <= seen <= early[2]
+
+
+SYMMETRIC = {
+    "rod": np.ones((5, 5, 41), np.uint8),
+    "plate": np.ones((5, 21, 21), np.uint8),
+    "even plate": np.ones((3, 12, 16), np.uint8),
+    "stick of a plane": np.ones((1, 3, 61), np.uint8),
+}
+
+
+@pytest.mark.parametrize("name", SYMMETRIC)
+def test_the_best_voxel_of_a_symmetric_body_is_its_middle(name):
+    body = SYMMETRIC[name]
+    crop, is_flat = np.pad(body, 1), body.shape[0] == 1
+    depths = Depths(crop, is_flat, np.ones(3))
+    voxel, seen, _, deepest, *_ = best_voxel(crop, is_flat, depths, 0, 6000, 0)
+    assert seen == body.sum()
+    assert voxel == deepest
+    assert np.unravel_index(voxel, crop.shape) == tuple((n - 1) // 2 + 1 for n in body.shape)
+
+
+def test_the_best_voxel_in_a_mirror(rng):
+    """Where the centroid tells voxels apart, the best one of the mirror image is the mirror image of the best one."""
+    n_told = 0
+    for k in range(30):
+        x, y, z = (rng.normal(size=(3, 3)) @ np.indices((15, 13, 17)).reshape(3, -1)).reshape(3, 15, 13, 17)
+        x, y, z = (v - v.mean() for v in (x, y, z))
+        crop = np.pad((x**2 + y**2 / 2 + z**2 / 4 < rng.uniform(5, 60)).astype(np.uint8), 1)
+        if not crop.any():
+            continue
+        spacing = np.array([3.0, 1.0, 1.0]) if k % 2 else np.ones(3)
+        voxel, seen, *_ = best_voxel(crop, False, Depths(crop, False, spacing), 0, 6000, 0)
+        at = np.unravel_index(voxel, crop.shape)
+        mirror = np.ascontiguousarray(crop[::-1, :, ::-1])
+        image, also_seen, *_ = best_voxel(mirror, False, Depths(mirror, False, spacing), 0, 6000, 0)
+        back = np.unravel_index(image, crop.shape)
+        back = (crop.shape[0] - 1 - back[0], back[1], crop.shape[2] - 1 - back[2])
+        assert also_seen == seen
+        square = label_shapes.from_centroid(crop, spacing)
+        assert square(back) == square(at)
+        n_told += back == at
+    assert n_told > 10
 
 
 def near_stars(rng):
@@ -162,7 +210,7 @@ def test_depths_of_cubes_answer_as_depths(n, spacing):
     squared_depths(crop, False, np.array(spacing), depths)
     cubes = Depths(crop, False, np.array(spacing))
     for most_steps in (0, 300_000) if n < 200 else (0,):
-        expected = best_voxel(crop, False, depths, 0, 6000, most_steps)
+        expected = best_voxel(crop, False, depths, 0, 6000, most_steps, spacing=spacing)
         assert best_voxel(crop, False, cubes, 0, 6000, most_steps) == expected
     assert (len(np.unique(depths)) > 65_536) == (n == 210)
 
@@ -175,6 +223,7 @@ def test_which_voxel_of_a_large_crop_is_deeper(rng, spacing, axis):
     squares = np.empty(crop.shape)
     squared_depths(crop, False, np.array(spacing), squares)
     depths, flat = Depths(crop, False, np.array(spacing)), squares.ravel()
+    square = label_shapes.from_centroid(crop, spacing)
     inside = np.flatnonzero(flat)
     assert (inside == np.flatnonzero(crop)).all()
     some, others = rng.choice(inside, 600), rng.choice(inside, 300)
@@ -184,8 +233,9 @@ def test_which_voxel_of_a_large_crop_is_deeper(rng, spacing, axis):
     for a, b in zip([*some, *by_depth[at], some[0]], [*others, *by_depth[at + 1], some[0]], strict=True):
         if not flat[b]:
             continue
-        assert depths.is_deeper(int(a), int(b)) == ((-flat[a], a) < (-flat[b], b))
-        assert depths.is_deeper(int(b), int(a)) == ((-flat[b], b) < (-flat[a], a))
+        of_a, of_b = ((-flat[v], square(np.unravel_index(v, crop.shape)), v) for v in (a, b))
+        assert depths.is_deeper(int(a), int(b)) == (of_a < of_b)
+        assert depths.is_deeper(int(b), int(a)) == (of_b < of_a)
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.7, 1.0, 1.3)])
@@ -195,7 +245,7 @@ def test_blocks_of_a_large_crop_are_looked_into(spacing):
     crop[1:4, 1:4, 340:350] = 0
     squares = np.empty(crop.shape)
     squared_depths(crop, False, np.array(spacing), squares)
-    expected = best_voxel(crop, False, squares, 0, 6000, 30_000_000)
+    expected = best_voxel(crop, False, squares, 0, 6000, 30_000_000, spacing=spacing)
     assert best_voxel(crop, False, Depths(crop, False, np.array(spacing)), 0, 6000, 30_000_000) == expected
 
 
@@ -205,7 +255,8 @@ def test_a_large_flat_crop(rng):
     depths = np.empty(crop.shape)
     squared_depths(crop, True, np.array([1.0, 1.0, 0.7]), depths)
     cubes = Depths(crop, True, np.array([1.0, 1.0, 0.7]))
-    assert best_voxel(crop, True, cubes, 0, 6000, 10**6) == best_voxel(crop, True, depths, 0, 6000, 10**6)
+    expected = best_voxel(crop, True, depths, 0, 6000, 10**6, spacing=(1.0, 1.0, 0.7))
+    assert best_voxel(crop, True, cubes, 0, 6000, 10**6) == expected
 
 
 MEMORY = """

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <memory>
 #include <queue>
-#include <tuple>
 #include <vector>
 
 #include "label_rows.h"
@@ -15,26 +14,30 @@
 namespace voxkernel {
 namespace {
 
-constexpr int kPositionBits = 34;                    // of a rank
-constexpr Index kMostPlaces = (Index{1} << 28) - 1;  // of depths of cubes
-constexpr Index kSplit = 3;                          // blocks are cut in so many along every axis
-constexpr Index kMostBlocks = 1200;                  // of the coarsest
+constexpr Index kSplit = 3;          // blocks are cut in so many along every axis
+constexpr Index kMostBlocks = 1200;  // of the coarsest
 
 // A cube of voxels of the crop, or a square: candidates that are bounded together.
 struct Block {
-  Index hidden;  // at least so many voxels from each of its voxels
-  Index rank;    // of its deepest voxel
+  Index hidden;   // at least so many voxels from each of its voxels
+  Index deepest;  // of its voxels
   Index edge;
   Index low[3];
-  // Least hidden first, then the deepest.
-  bool operator<(const Block& other) const { return std::tie(other.hidden, other.rank) < std::tie(hidden, rank); }
+};
+// Least hidden first, then the deepest.
+struct IsAfter {
+  const VoxelLooks* looks;
+  bool operator()(const Block& a, const Block& b) const {
+    return a.hidden != b.hidden ? a.hidden > b.hidden : looks->is_deeper(b.deepest, a.deepest);
+  }
 };
 
 // Best first among blocks: each is looked at from its middle in the object widened by half its edge, which tells how
 // much is hidden from all of it.
 class BlockSearch {
  public:
-  BlockSearch(VoxelLooks& looks, const Depths& depths) : looks_(looks), crop_(looks.crop()), depths_(depths) {}
+  BlockSearch(VoxelLooks& looks, const Depths& depths)
+      : looks_(looks), crop_(looks.crop()), depths_(depths), queue_(IsAfter{&looks}) {}
   // The least that may be hidden from a voxel that was not looked at because steps were over; INT64_MAX for none.
   Index run();
 
@@ -48,22 +51,15 @@ class BlockSearch {
   void cut(const Block& block, Index edge);
   Index bound(const Block& block);
   void look_into(const Block& block);
-  // Deeper voxels have lower ranks, of those that are equally deep the first. In a large object a rank is made of place
-  // and position.
-  Index deepest_rank(const Index* low, const Index* edges) const;
-  Index voxel_of(Index rank) const {
-    return by_depth_.empty() ? rank & ((Index{1} << kPositionBits) - 1) : by_depth_[rank];
-  }
+  Index deepest_of(const Index* low, const Index* edges) const;
   template <typename Visit>
   void each_voxel(const Index* low, const Index* edges, Visit&& visit) const;
 
   VoxelLooks& looks_;
   const Crop& crop_;
   const Depths& depths_;
-  std::vector<Index> by_depth_;      // positions, deepest first; none for depths of cubes
-  std::vector<std::int32_t> ranks_;  // of each position, -1 outside
-  std::vector<Level> levels_;        // the widened ones, finest first
-  std::priority_queue<Block> queue_;
+  std::vector<Level> levels_;  // the widened ones, finest first
+  std::priority_queue<Block, std::vector<Block>, IsAfter> queue_;
   Index open_ = INT64_MAX;
 };
 
@@ -82,16 +78,16 @@ void BlockSearch::each_voxel(const Index* low, const Index* edges, Visit&& visit
   }
 }
 
-// The rank of the deepest voxel in a box; INT64_MAX where there is none.
-Index BlockSearch::deepest_rank(const Index* low, const Index* edges) const {
-  Index rank = INT64_MAX;
+// The deepest voxel in a box; -1 where there is none.
+Index BlockSearch::deepest_of(const Index* low, const Index* edges) const {
+  Index deepest = -1;
   if (depths_.cubes() == nullptr) {
-    each_voxel(low, edges, [&](Index voxel) { rank = std::min<Index>(rank, ranks_[voxel]); });
-    return rank;
+    each_voxel(low, edges, [&](Index v) { deepest = deepest < 0 || looks_.is_deeper(v, deepest) ? v : deepest; });
+    return deepest;
   }
   const Index high[3] = {low[0] + edges[0], low[1] + edges[1], low[2] + edges[2]};
   const DeepestVoxels::Found found = depths_.cubes()->find(low, high);
-  return found.place == 0 ? rank : (kMostPlaces - found.place) << kPositionBits | found.voxel;
+  return found.place == 0 ? deepest : found.voxel;
 }
 
 // From the deepest voxel by steps that become shorter: the more is seen from the best so far, the sooner blocks and
@@ -128,10 +124,10 @@ void BlockSearch::cut(const Block& block, Index edge) {
     for (Index j = block.low[1]; j < last[1]; j += edge) {
       for (Index k = block.low[2]; k < last[2]; k += edge) {
         const Index low[3] = {i, j, k};
-        Block part{block.hidden, deepest_rank(low, edges), edge, {i, j, k}};
-        if (part.rank == INT64_MAX || part.hidden > looks_.enough(voxel_of(part.rank))) continue;
+        Block part{block.hidden, deepest_of(low, edges), edge, {i, j, k}};
+        if (part.deepest < 0 || part.hidden > looks_.enough(part.deepest)) continue;
         if (!looks_.is_over()) part.hidden = std::max(part.hidden, bound(part));
-        if (part.hidden <= looks_.enough(voxel_of(part.rank))) queue_.push(part);
+        if (part.hidden <= looks_.enough(part.deepest)) queue_.push(part);
       }
     }
   }
@@ -144,7 +140,7 @@ Index BlockSearch::bound(const Block& block) {
     Index middle[3];
     for (int a = 0; a < 3; ++a) middle[a] = block.low[a] + reach;
     if (crop_.is_flat) middle[0] = 1;
-    return level.rows->hidden(middle, looks_.enough(voxel_of(block.rank)), looks_.steps(), looks_.stop());
+    return level.rows->hidden(middle, looks_.enough(block.deepest), looks_.steps(), looks_.stop());
   }
   return 0;
 }
@@ -167,15 +163,6 @@ void BlockSearch::look_into(const Block& block) {
 
 Index BlockSearch::run() {
   const Index n = looks_.n_voxels();
-  if (depths_.cubes() == nullptr) {
-    by_depth_.reserve(static_cast<std::size_t>(n));
-    for (Index v = 0; v < crop_.size(); ++v) {
-      if (crop_.bytes[v] != 0) by_depth_.push_back(v);
-    }
-    std::sort(by_depth_.begin(), by_depth_.end(), [&](Index a, Index b) { return looks_.is_deeper(a, b); });
-    ranks_.assign(static_cast<std::size_t>(crop_.size()), -1);
-    for (Index r = 0; r < n; ++r) ranks_[by_depth_[r]] = static_cast<std::int32_t>(r);
-  }
   // From the deepest even if more is seen from the other one: where that leads need not be better.
   const Index other = looks_.winner(), hidden = looks_.least();
   looks_.start_over();
@@ -187,11 +174,11 @@ Index BlockSearch::run() {
     levels_.push_back({e, std::make_unique<LabelRows>(crop_, e / 2, &looks_.rows())});
   }
   const Index longest = std::max(crop_.shape[0], std::max(crop_.shape[1], crop_.shape[2]));
-  cut({0, 0, longest, {0, 0, 0}}, edge);
+  cut({0, looks_.deepest(), longest, {0, 0, 0}}, edge);
   while (!queue_.empty()) {
     const Block block = queue_.top();
     queue_.pop();
-    if (block.hidden > looks_.enough(voxel_of(block.rank))) continue;
+    if (block.hidden > looks_.enough(block.deepest)) continue;
     if (looks_.is_over()) {
       open_ = std::min(open_, block.hidden);
       break;

@@ -18,7 +18,7 @@ struct BestVoxel {
   Index n_steps = 0;     // voxels looked at
 };
 
-// Of voxels that see equally much the deepest counts, then the first. The
+// Of voxels that see equally much the deepest counts, of these the one nearest to the centroid, then the first. The
 // bounds meet for objects of up to `always` voxels, and for others that `most_steps` are enough for. What is seen from
 // `other`, a position in the crop, is told, too.
 BestVoxel best_voxel(const Crop& crop, const Depths& depths, Index other, Index always, Index most_steps, Stop& stop);

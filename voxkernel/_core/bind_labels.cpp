@@ -1,3 +1,5 @@
+#include <nanobind/stl/array.h>
+
 #include "best_voxel.h"
 #include "bind.h"
 #include "label_boxes.h"
@@ -106,7 +108,9 @@ void bind_labels(nb::module_& m) {
           array("crop"), nb::arg("is_flat"), array("spacing"), stop_argument(), nb::keep_alive<1, 2>())
       .def(
           "is_deeper", [](const Depths& depths, Index a, Index b) { return depths.is_deeper(a, b); }, nb::arg("a"),
-          nb::arg("b"), "Whether one voxel of the object is deeper than another one, or as deep and before it.");
+          nb::arg("b"),
+          "Whether one voxel of the object is deeper than another one, or as deep and nearer to the centroid, or that, "
+          "too, and before it.");
   const auto best_of = [](const Image& crop, bool is_flat, const Depths& depths, Index other, Index always,
                           Index most_steps, StopFlag* flag) {
     const Crop object = crop_of(crop, is_flat);
@@ -123,12 +127,14 @@ void bind_labels(nb::module_& m) {
   m.def(
       "best_voxel",
       [best_of](const Image& crop, bool is_flat, Array<const double, -1, -1, -1> depths, Index other, Index always,
-                Index most_steps, StopFlag* flag) {
-        const Depths given({depths.data(), crop_of(crop, is_flat).size()});
+                Index most_steps, StopFlag* flag, std::array<double, 3> spacing) {
+        const Crop object = crop_of(crop, is_flat);
+        const Depths given(object, spacing.data(), {depths.data(), object.size()});
         return best_of(crop, is_flat, given, other, always, most_steps, flag);
       },
       array("crop"), nb::arg("is_flat"), array("depths"), nb::arg("other"), nb::arg("always"), nb::arg("most_steps"),
-      stop_argument(), "The same for the numbers of `squared_depths`.");
+      stop_argument(), nb::arg("spacing") = std::array<double, 3>{1.0, 1.0, 1.0},
+      "The same for the numbers of `squared_depths`.");
   m.def(
       "ray_lengths",
       [](const Image& crop, bool is_flat, Position center, Array2<const double, 3> directions, bool is_stepped,

@@ -29,18 +29,6 @@ Index run_before(const std::uint8_t* row, Index k) {
   return end - k;
 }
 
-// The next voxel of the object in a row, from one on; n where there is none.
-Index next_voxel(const std::uint8_t* bytes, Index from, Index n) {
-  constexpr Index kAtOnce = 8;
-  std::uint64_t eight;
-  for (; from + kAtOnce <= n; from += kAtOnce) {
-    std::memcpy(&eight, bytes + from, sizeof eight);
-    if (eight != 0) break;
-  }
-  while (from < n && bytes[from] == 0) ++from;
-  return from;
-}
-
 // A row of squared depths along itself: background is near everywhere, so that counting from both ends of each stretch
 // of the object will do.
 void whole_row(const std::uint8_t* bytes, double* row, Index n, double spacing) {

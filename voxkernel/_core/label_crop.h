@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 
 #include "spans.h"
 
@@ -27,5 +28,16 @@ struct Crop {
     ijk[0] = row / shape[1];
   }
 };
+
+// The next voxel of the object in a row of n, from one on; n where there is none.
+inline Index next_voxel(const std::uint8_t* row, Index from, Index n) {
+  constexpr Index kAtOnce = 8;
+  while (from < n && row[from] == 0) {
+    std::uint64_t eight = 0;
+    if (from + kAtOnce <= n) std::memcpy(&eight, row + from, sizeof eight);
+    from += from + kAtOnce <= n && eight == 0 ? kAtOnce : 1;
+  }
+  return from;
+}
 
 }  // namespace voxkernel

@@ -57,9 +57,9 @@ void squared_depths(const Crop& crop, const double* spacing, Span<double> depths
   DepthLayers(crop, spacing).fill(0, crop.shape[2], depths.data(), stop);
 }
 
-Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) {
+Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) : nearness_(crop, spacing) {
   if (crop.size() > kSmall) {
-    cubes_ = std::make_unique<DeepestVoxels>(crop, spacing, stop);
+    cubes_ = std::make_unique<DeepestVoxels>(crop, spacing, nearness_, stop);
     return;
   }
   own_.resize(static_cast<std::size_t>(crop.size()));
@@ -67,8 +67,8 @@ Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) {
   squares_ = own_;
 }
 
-DeepestVoxels::DeepestVoxels(const Crop& crop, const double* spacing, Stop& stop)
-    : crop_(crop), spacing_{spacing[0], spacing[1], spacing[2]}, again_(crop, spacing) {
+DeepestVoxels::DeepestVoxels(const Crop& crop, const double* spacing, const CentroidOrder& nearness, Stop& stop)
+    : crop_(crop), nearness_(nearness), spacing_{spacing[0], spacing[1], spacing[2]}, again_(crop, spacing) {
   Index n_cubes = 1;
   for (int a = 0; a < 3; ++a) {
     shape_[a] = (crop.shape[a] + kEdge - 1) / kEdge;
@@ -87,13 +87,16 @@ DeepestVoxels::DeepestVoxels(const Crop& crop, const double* spacing, Stop& stop
       for (Index j = 0; j < nj; j += kEdge) {
         for (Index k = 0; k < n; k += kEdge) {
           double most = 0.0;
-          Index at = 0;
+          Index at = 0, deepest = -1;
           for (Index di = 0; di < std::min(kEdge, ni - i); ++di) {
             for (Index dj = 0; dj < std::min(kEdge, nj - j); ++dj) {
               const double* row = slab.data() + ((i + di) * nj + j + dj) * n + k;
               for (Index dk = 0; dk < std::min(kEdge, n - k); ++dk) {
-                if (row[dk] <= most) continue;
+                if (row[dk] == 0.0 || row[dk] < most) continue;
+                const Index voxel = crop.flat(i + di, j + dj, first + k + dk);
+                if (row[dk] == most && !nearness.is_nearer(voxel, deepest)) continue;
                 most = row[dk];
+                deepest = voxel;
                 at = (di * kEdge + dj) * kEdge + dk;
               }
             }
@@ -146,7 +149,7 @@ DeepestVoxels::Found DeepestVoxels::find(const Index* low, const Index* high) co
         const Index cube = (i * shape_[1] + j) * shape_[2] + k, place = places_[cube];
         if (place == 0 || place < found.place) continue;
         const Index voxel = voxel_of(cube);
-        if (place > found.place || voxel < found.voxel) found = {place, voxel};
+        if (place > found.place || nearness_.is_nearer(voxel, found.voxel)) found = {place, voxel};
       }
     }
   }
@@ -179,7 +182,7 @@ bool DeepestVoxels::is_deeper(Index a, Index b) {
   if (of_a.high < of_b.low) return false;
   const double depth_a = of_a.low == of_a.high ? of_a.low : depth_of(a);
   const double depth_b = of_b.low == of_b.high ? of_b.low : depth_of(b);
-  return depth_a != depth_b ? depth_a > depth_b : a < b;
+  return depth_a != depth_b ? depth_a > depth_b : nearness_.is_nearer(a, b);
 }
 
 double DeepestVoxels::depth_of(Index voxel) {

@@ -7,6 +7,7 @@
 
 #include "depth_layers.h"
 #include "label_crop.h"
+#include "object_centroid.h"
 #include "pages.h"
 #include "spans.h"
 #include "stop.h"
@@ -22,13 +23,13 @@ class DeepestVoxels {
  public:
   static constexpr Index kEdge = 3;  // of a cube; they start at voxel 0
 
-  DeepestVoxels(const Crop& crop, const double* spacing, Stop& stop);
+  DeepestVoxels(const Crop& crop, const double* spacing, const CentroidOrder& nearness, Stop& stop);
 
   bool is_deeper(Index a, Index b);
   struct Found {
     Index place, voxel;  // the place of its depth among those of the deepest voxels; 0 where there is no voxel
   };
-  // Of a box of cubes, from voxel `low` on and before `high`; the first of several.
+  // Of a box of cubes, from voxel `low` on and before `high`.
   Found find(const Index* low, const Index* high) const;
 
  private:
@@ -52,6 +53,7 @@ class DeepestVoxels {
   const double* layer(Index k);
 
   Crop crop_;
+  const CentroidOrder& nearness_;
   double spacing_[3];
   Index shape_[3];               // in cubes
   Brief<std::uint32_t> places_;  // of each cube, 0 where there is no voxel of the object
@@ -63,11 +65,12 @@ class DeepestVoxels {
   Index n_uses_ = 0;
 };
 
-// Tells which of two voxels of an object is deeper, the first of two that are equally deep.
+// Tells which of two voxels of an object is deeper; of two that are equally deep, the one nearer to the centroid, then
+// the first.
 class Depths {
  public:
-  // Squared depths from elsewhere, which have to live on.
-  explicit Depths(Doubles squares) : squares_(squares) {}
+  // Squared depths from elsewhere, which have to live on, as has the crop.
+  Depths(const Crop& crop, const double* spacing, Doubles squares) : nearness_(crop, spacing), squares_(squares) {}
   // The crop has to live on. Eight bytes a voxel for a small one.
   Depths(const Crop& crop, const double* spacing, Stop& stop);
 
@@ -76,12 +79,13 @@ class Depths {
 
   bool is_deeper(Index a, Index b) const {
     if (cubes_ != nullptr) return cubes_->is_deeper(a, b);
-    return squares_[a] != squares_[b] ? squares_[a] > squares_[b] : a < b;
+    return squares_[a] != squares_[b] ? squares_[a] > squares_[b] : nearness_.is_nearer(a, b);
   }
   // None for a small crop.
   const DeepestVoxels* cubes() const { return cubes_.get(); }
 
  private:
+  CentroidOrder nearness_;
   std::vector<double> own_;
   Doubles squares_;
   std::unique_ptr<DeepestVoxels> cubes_;

@@ -28,7 +28,7 @@ class VoxelLooks {
   Index least() const { return least_; }  // hidden from it
   bool is_deeper(Index a, Index b) const { return depths_.is_deeper(a, b); }
   // What may be hidden at most from a voxel that is better than the best so far: of voxels from which equally much is
-  // hidden the deepest counts, then the first.
+  // hidden the deepest counts, then the one nearest to the centroid.
   Index enough(Index voxel) const { return least_ - (is_deeper(voxel, winner_) ? 0 : 1); }
   bool is_known(Index voxel) const { return is_known_[voxel]; }
   void set_known(Index voxel, bool is) { is_known_[voxel] = is; }

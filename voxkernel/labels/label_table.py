@@ -38,7 +38,7 @@ class LabelStars(Frozen):
     visible, visible_upper : (n,) float64
         V*: the share of its voxels that its best voxel sees; and what no voxel can exceed. In (0, 1].
     center : (n, axes) int64
-        The best voxel: of those that see most, the deepest.
+        The best voxel: of those that see most the deepest, of these the one nearest to the centroid.
     center_world : (n, axes) float64
         The same in world units, `center` times the spacing.
     visible_deepest, visible_centroid : (n,) float64
