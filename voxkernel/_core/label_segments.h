@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "label_crop.h"
@@ -62,18 +63,42 @@ class SegmentWalk {
   Index step_[3], next_[3], gap_[3];
 };
 
-// The steps of segments between voxels of a box, kept: walking them again is five times faster than finding them. A
-// segment of n voxels along the axes has the steps of its mirror images, and of those with the axes in another order;
-// each is a set of axes, as bits, the one with the largest n first.
-class SegmentSteps {
+// The steps of segments, by falling numbers of voxels n along the axes, each found when it is asked for first: a set of
+// axes a step, as bits, the axis with the largest n first.
+class KeptSteps {
  public:
   static constexpr int kEnds = 4;
+
+  // For segments in a box with edges of so many voxels, the longest first.
+  explicit KeptSteps(const Index* edges);
+
+  // Ended by kEnds times 0; until the next call.
+  const std::uint8_t* find(const Index* n) {
+    std::int32_t& first = first_[places_[0][n[0]] + places_[1][n[1]] + n[2]];
+    if (first < 0) first = append(n);
+    return steps_.data() + first;
+  }
+
+ private:
+  std::int32_t append(const Index* n);
+
+  std::vector<std::int32_t> first_;      // of every n
+  std::vector<std::int32_t> places_[2];  // where those with a largest n start, and those with a second one among them
+  std::vector<std::uint8_t> steps_;
+};
+
+// The steps of segments between voxels of a box, kept: walking them again is five times faster than finding them. A
+// segment of n voxels along the axes has the steps of its mirror images, and of those with the axes in another order.
+// What is kept for a small box serves all small boxes of a thread, in which it has to be used.
+class SegmentSteps {
+ public:
+  static constexpr int kEnds = KeptSteps::kEnds;
 
   SegmentSteps() = default;
   SegmentSteps(const Index* shape, const Index* strides);
 
   // Whether the box is small enough for this.
-  bool is_kept() const { return !first_.empty(); }
+  bool is_kept() const { return kept_ != nullptr; }
   struct Found {
     const std::uint8_t* steps;  // ended by kEnds times 0
     const Index* moves;         // by how much each changes the position
@@ -85,9 +110,7 @@ class SegmentSteps {
     const unsigned signs = (d[0] < 0 ? 1u : 0u) | (d[1] < 0 ? 2u : 0u) | (d[2] < 0 ? 4u : 0u);
     const std::uint8_t* axes = kOrders[order];
     const Index sorted[3] = {n[axes[0]], n[axes[1]], n[axes[2]]};
-    std::int32_t& first = first_[places_[0][sorted[0]] + places_[1][sorted[1]] + sorted[2]];
-    if (first < 0) first = append(sorted);
-    return {steps_.data() + first, moves_[order][signs]};
+    return {kept_->find(sorted), moves_[order][signs]};
   }
 
  private:
@@ -95,12 +118,9 @@ class SegmentSteps {
   static constexpr std::uint8_t kOrders[8][3] = {{0, 1, 2}, {1, 0, 2}, {0, 2, 1}, {0, 1, 2},
                                                  {0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
 
-  std::int32_t append(const Index* n);
-
   Index moves_[8][8][8];
-  std::vector<std::int32_t> first_;      // of every sorted n
-  std::vector<std::int32_t> places_[2];  // where those with a largest n start, and those with a second one among them
-  std::vector<std::uint8_t> steps_;
+  std::unique_ptr<KeptSteps> own_;
+  KeptSteps* kept_ = nullptr;
 };
 
 // Positions of all voxels that a segment touches, both ends included.

@@ -68,7 +68,7 @@ LabelTiles::LabelTiles(const Crop& crop, int order) : order_(order) {
     range[1] = row % shape_[2];
   }
   for (int a = 0; a < 3; ++a) {
-    probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes));
+    probes_[a].resize(static_cast<std::size_t>((2 * shape_[a] - 1) * kAllProbes + 1));  // `add_offsets` reads on
     for (Index d = 1 - shape_[a]; d < shape_[a]; ++d) {
       for (Index p = 0; p < kAllProbes; ++p) {
         const Index n = probe_at(order, p, d < 0 ? -d : d);
@@ -277,10 +277,9 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
   Index d[3] = {row.d[0], row.d[1], row.d[2]};
   Word* seen_at = seen_.data() + 4 * row.at;
   const std::int32_t* probes_i = probes_[0].data() + (d[0] + shape_[0] - 1) * kAllProbes;
-  const std::int32_t* const probes_j = probes_[1].data() + (d[1] + shape_[1] - 1) * kAllProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (d[2] + shape_[2] - 1) * kAllProbes;
-  const Word* probed[kAllProbes];
-  for (int p = 0; p < kAllProbes; ++p) probed[p] = words + at_ + probes_j[p] + probes_k[p];
+  Index probed[kAllProbes + 1];
+  add_offsets<kAllProbes>(probes_[1].data() + (d[1] + shape_[1] - 1) * kAllProbes,
+                          probes_[2].data() + (d[2] + shape_[2] - 1) * kAllProbes, at_, probed);
   Index at = row.at, n_steps = 0;
   for (Index i = 0; i < row.n; ++i) {
     const __m256i wanted = _mm256_and_si256(own, load_words(words + at));
@@ -302,7 +301,7 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
     last = sure;
     if (!is_none(open)) {
       __m256i seen = open;
-      for (int p = 0; p < kProbes[1]; ++p) seen = _mm256_and_si256(seen, load_words(probed[p] + probes_i[p]));
+      for (int p = 0; p < kProbes[1]; ++p) seen = _mm256_and_si256(seen, load_words(words + probed[p] + probes_i[p]));
       if (!is_none(seen)) {
         __m256i hidden = seen;
         const Index back[3] = {-d[0], -d[1], -d[2]};
@@ -327,7 +326,8 @@ VOXKERNEL_AVX2 void LabelTiles::look_at_avx2(const Row& row) {
         hidden = _mm256_andnot_si256(seen, hidden);
         if (!is_none(hidden)) {
           const int n = n_probes(std::max(std::abs(d[0]), near.longest));
-          for (int p = kProbes[1]; p < n; ++p) hidden = _mm256_and_si256(hidden, load_words(probed[p] + probes_i[p]));
+          for (int p = kProbes[1]; p < n; ++p)
+            hidden = _mm256_and_si256(hidden, load_words(words + probed[p] + probes_i[p]));
           store_words(counts_.waiting[counts_.n_waiting], hidden);
           if (!is_none(hidden)) counts_.count_waiting();
         }

@@ -70,12 +70,16 @@ class LabelTiles {
   template <int stage>
   void probe(Index j, Index k);
 #ifdef VOXKERNEL_HAS_AVX2
+  // The lowest levels of the counts, which change with every place.
+  struct Sums {
+    __m256i ones, twos;
+  };
   template <int order, int stage, bool is_up, int start>
-  void probe_four(const Word* to, const Word* const* probed, __m256i own, bool has_first);
+  void probe_four(const Word* to, const Index* probed, __m256i own, bool has_first, Sums& sums);
   template <int order, int stage, bool is_up, int start>
-  void probe_period(const Word* to, const Word* const* probed, __m256i own, Index nearest, Index farthest);
+  void probe_period(const Word* to, const Index* probed, __m256i own, Index nearest, Index farthest, Sums& sums);
   template <int order, int stage, bool is_up>
-  void probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own);
+  void probe_way(const Word* to, Index* probed, Index nearest, Index farthest, __m256i own, Sums& sums);
   template <int order, int stage>
   void probe_avx2(Index j, Index k);
 #endif

@@ -113,22 +113,23 @@ VOXKERNEL_AVX2_INLINE bool is_none_of_four(const __m256i* words) {
 }
 
 // What probes see of four places in a row. The first is at a multiple of the period from the tile and `start` more;
-// `probed`: where the probes are for that multiple. Places that are next to each other share many probes.
+// `probed`: where the probes are for that multiple, in words. Places that are next to each other share many probes.
 template <int order, int first, int last, bool is_up, int start>
-VOXKERNEL_AVX2_INLINE void see_four(const Word* const* probed, __m256i* seen) {
+VOXKERNEL_AVX2_INLINE void see_four(const Word* words, const Index* probed, __m256i* seen) {
 #pragma GCC unroll 16
   for (int p = first; p < last; ++p) {
 #pragma GCC unroll 4
     for (int t = 0; t < kPlacesAtOnce; ++t) {
       const Index n = probe_at(order, p, start + t);
-      seen[t] = _mm256_and_si256(seen[t], load_words(is_up ? probed[p] + n : probed[p] - n));
+      seen[t] = _mm256_and_si256(seen[t], load_words(words + probed[p] + (is_up ? n : -n)));
     }
   }
 }
 
 template <int order, int stage, bool is_up, int start>
-VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* const* probed, __m256i own,
-                                                  bool has_first) {
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Index* probed, __m256i own, bool has_first,
+                                                  Sums& sums) {
+  const Word* const words = words_.data();
   __m256i wanted[kPlacesAtOnce], seen[kPlacesAtOnce];
   for (int t = 0; t < kPlacesAtOnce; ++t) {
     wanted[t] = _mm256_and_si256(own, load_words(is_up ? to + start + t : to - start - t));
@@ -136,51 +137,55 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_four(const Word* to, const Word* co
   }
   if (is_none_of_four(wanted)) return;
   if (stage > 0) {
-    see_four<order, 0, kProbes[stage], is_up, start>(probed, wanted);
+    see_four<order, 0, kProbes[stage], is_up, start>(words, probed, wanted);
     if (is_none_of_four(wanted)) return;
   }
   for (int t = 0; t < kPlacesAtOnce; ++t) seen[t] = wanted[t];
-  see_four<order, kProbes[stage], kProbes[stage + 1], is_up, start>(probed, seen);
-  __m256i ones = load_words(counts_.sums[0]), twos = load_words(counts_.sums[1]);
-  const __m256i a = add_two(ones, _mm256_andnot_si256(seen[0], wanted[0]), _mm256_andnot_si256(seen[1], wanted[1]));
-  const __m256i b = add_two(ones, _mm256_andnot_si256(seen[2], wanted[2]), _mm256_andnot_si256(seen[3], wanted[3]));
-  const __m256i carry = add_two(twos, a, b);
-  store_words(counts_.sums[0], ones);
-  store_words(counts_.sums[1], twos);
+  see_four<order, kProbes[stage], kProbes[stage + 1], is_up, start>(words, probed, seen);
+  const __m256i a =
+      add_two(sums.ones, _mm256_andnot_si256(seen[0], wanted[0]), _mm256_andnot_si256(seen[1], wanted[1]));
+  const __m256i b =
+      add_two(sums.ones, _mm256_andnot_si256(seen[2], wanted[2]), _mm256_andnot_si256(seen[3], wanted[3]));
+  const __m256i carry = add_two(sums.twos, a, b);
   store_words(counts_.fours[counts_.n_fours], carry);
   if (!is_none(carry)) counts_.count_fours();
 }
 
 // The places of a period.
 template <int order, int stage, bool is_up, int start>
-VOXKERNEL_AVX2_INLINE void LabelTiles::probe_period(const Word* to, const Word* const* probed, __m256i own,
-                                                    Index nearest, Index farthest) {
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_period(const Word* to, const Index* probed, __m256i own, Index nearest,
+                                                    Index farthest, Sums& sums) {
   if (start > farthest) return;
   if (start + kPlacesAtOnce > nearest) {
-    probe_four<order, stage, is_up, start>(to, probed, own, is_up || start > 0 || nearest <= 0);
+    probe_four<order, stage, is_up, start>(to, probed, own, is_up || start > 0 || nearest <= 0, sums);
   }
   if constexpr (start + kPlacesAtOnce < kPeriods[order][stage]) {
-    probe_period<order, stage, is_up, start + kPlacesAtOnce>(to, probed, own, nearest, farthest);
+    probe_period<order, stage, is_up, start + kPlacesAtOnce>(to, probed, own, nearest, farthest, sums);
   }
 }
 
-// One way from the tile; rows have layers of background at both ends, so that places beyond them count nothing.
+// One way from the tile; `to` and `probed` are for the place in line with it. Rows have layers of background at both
+// ends, so that places beyond them count nothing.
 template <int order, int stage, bool is_up>
-VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(Index j, Index k, Index nearest, Index farthest, __m256i own) {
+VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(const Word* to, Index* probed, Index nearest, Index farthest,
+                                                 __m256i own, Sums& sums) {
   constexpr Index way = is_up ? 1 : -1, period = kPeriods[order][stage];
   if (nearest > farthest) return;
   n_steps_ += farthest + 1 - nearest;
-  const std::int32_t* const probes_j = probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes;
-  const std::int32_t* const probes_k = probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes;
-  Index d = nearest / period * period;
-  const Word* to = words_.data() + (j * shape_[2] + k) * shape_[0] + low_[0] + way * d;
-  const Word* probed[kAllProbes];
-  for (int p = 0; p < kProbes[stage + 1]; ++p) {
-    probed[p] = words_.data() + at_ + probes_j[p] + probes_k[p] + way * kShares[order][p] * d / kParts;
-  }
-  for (; d <= farthest; d += period, to += way * period) {
-    probe_period<order, stage, is_up, 0>(to, probed, own, nearest - d, farthest - d);
-    for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] += way * kShares[order][p] * period / kParts;
+  Index d = 0;
+  const auto move_by = [&](Index by) {
+    for (int p = 0; p < kProbes[stage + 1]; ++p) probed[p] += way * kShares[order][p] * by / kParts;
+    to += way * by;
+    d += by;
+  };
+  if (nearest >= period) move_by(nearest / period * period);
+  while (true) {
+    probe_period<order, stage, is_up, 0>(to, probed, own, nearest - d, farthest - d, sums);
+    if (d + period > farthest) {
+      if (d > 0) move_by(-d);
+      return;
+    }
+    move_by(period);
   }
 }
 
@@ -190,10 +195,19 @@ VOXKERNEL_AVX2 void LabelTiles::probe_avx2(Index j, Index k) {
   const bool is_far = std::max(std::abs(j - low_[1]), std::abs(k - low_[2])) >= kNear[stage];
   const Index near = is_far ? 0 : kNear[stage];
   const __m256i own = load_words(own_);
-  if (last >= low_[0]) probe_way<order, stage, true>(j, k, std::max(first - low_[0], near), last - low_[0], own);
+  Sums sums{load_words(counts_.sums[0]), load_words(counts_.sums[1])};
+  Index probed[kAllProbes + 1];
+  add_offsets<kProbes[stage + 1]>(probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes,
+                                  probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes, at_, probed);
+  const Word* const to = words_.data() + (j * shape_[2] + k) * shape_[0] + low_[0];
+  if (last >= low_[0])
+    probe_way<order, stage, true>(to, probed, std::max(first - low_[0], near), last - low_[0], own, sums);
   if (first < low_[0]) {
-    probe_way<order, stage, false>(j, k, std::max(low_[0] - last, std::max<Index>(near, 1)), low_[0] - first, own);
+    probe_way<order, stage, false>(to, probed, std::max(low_[0] - last, std::max<Index>(near, 1)), low_[0] - first, own,
+                                   sums);
   }
+  store_words(counts_.sums[0], sums.ones);
+  store_words(counts_.sums[1], sums.twos);
 }
 #endif
 
