@@ -16,98 +16,6 @@ constexpr Index kKnown = Index{1} << 12;   // depths of single voxels that are k
 // they meet differ there by less than 2^-28 of their height, for each of two axes.
 constexpr double kMargin = 1e-6;
 
-// The next voxel of the object in a row, from one on; n where there is none.
-Index next_voxel(const std::uint8_t* bytes, Index from, Index n) {
-  constexpr Index kAtOnce = 8;
-  std::uint64_t eight;
-  for (; from + kAtOnce <= n; from += kAtOnce) {
-    std::memcpy(&eight, bytes + from, sizeof eight);
-    if (eight != 0) break;
-  }
-  while (from < n && bytes[from] == 0) ++from;
-  return from;
-}
-
-// Along the last axis background is everywhere near, so that counting from both ends of each stretch of the object will
-// do.
-void first_axis(const std::uint8_t* bytes, double* row, Index n, double spacing) {
-  std::fill_n(row, n, 0.0);
-  for (Index k = next_voxel(bytes, 0, n); k < n; k = next_voxel(bytes, k, n)) {
-    Index last = k;
-    while (last < n && bytes[last] != 0) ++last;
-    for (Index q = k; q < last; ++q) {
-      const double d = static_cast<double>(std::min(q + 1 - k, last - q)) * spacing;
-      row[q] = d * d;
-    }
-    k = last;
-  }
-}
-
-// Lines of n voxels that lie side by side, `width` of them: voxels at the same distance along all lines in turn, until
-// they cannot be nearer than what is known. Faster than the envelope where objects are not deep.
-class SideBySide {
- public:
-  // Whether no voxel is deeper than the largest distance that is worth it. The first and the last voxels are outside.
-  static bool is_shallow(const double* lines, Index n, Index stride, Index width, double spacing) {
-    const double deep = kDeep * spacing;
-    for (Index q = 1; q < n - 1; ++q) {
-      if (largest(lines + q * stride, width) > deep * deep) return false;
-    }
-    return true;
-  }
-  void transform(double* lines, Index n, Index stride, Index width, double spacing) {
-    before_.resize(static_cast<std::size_t>(n * width));
-    for (Index q = 0; q < n; ++q) std::copy_n(lines + q * stride, width, before_.data() + q * width);
-    for (Index q = 1; q < n - 1; ++q) {
-      double* const own = lines + q * stride;
-      double most = largest(own, width);
-      for (Index gap = 1;; ++gap) {
-        const double distance = static_cast<double>(gap) * spacing, square = distance * distance;
-        if (square >= most) break;
-        const double* const low = before_.data() + (q - gap) * width;
-        const double* const high = before_.data() + (q + gap) * width;
-        for (Index k = 0; k < width; ++k) own[k] = std::min(own[k], square + std::min(low[k], high[k]));
-        most = largest(own, width);
-      }
-    }
-  }
-
- private:
-  static constexpr double kDeep = 32.0;
-
-  // Eight at a time: in one chain each would wait for the one before it.
-  static double largest(const double* values, Index n) {
-    constexpr Index kChains = 8;
-    double most[kChains] = {};
-    Index k = 0;
-    for (; k + kChains <= n; k += kChains) {
-      for (Index c = 0; c < kChains; ++c) most[c] = std::max(most[c], values[k + c]);
-    }
-    for (; k < n; ++k) most[0] = std::max(most[0], values[k]);
-    return *std::max_element(most, most + kChains);
-  }
-
-  std::vector<double> before_;
-};
-
-// The other two axes of a slab of `n` layers along the last one, all of which are known along that.
-void other_axes(const Crop& crop, const double* spacing, double* slab, Index n, Stop& stop) {
-  const Index ni = crop.shape[0], nj = crop.shape[1];
-  Envelope envelope(std::max(ni, nj));
-  SideBySide side_by_side;
-  const auto transform = [&](double* lines, Index length, Index stride, double gap) {
-    if (SideBySide::is_shallow(lines, length, stride, n, gap)) {
-      side_by_side.transform(lines, length, stride, n, gap);
-    } else {
-      for (Index k = 0; k < n; ++k) envelope.transform(lines + k, length, stride, gap);
-    }
-    stop.poll(4 * length * n);
-  };
-  for (Index i = 0; i < ni; ++i) transform(slab + i * nj * n, nj, n, spacing[1]);
-  if (crop.is_flat) return;
-  for (Index j = 1; j < nj - 1; ++j) transform(slab + j * n, ni, nj * n, spacing[0]);
-}
-
 // Numbers numbers as they come, from 1: a table with open places.
 class Numbers {
  public:
@@ -146,12 +54,7 @@ class Numbers {
 }  // namespace
 
 void squared_depths(const Crop& crop, const double* spacing, Span<double> depths, Stop& stop) {
-  const Index ni = crop.shape[0], nj = crop.shape[1], nk = crop.shape[2];
-  for (Index row = 0; row < ni * nj; ++row) {
-    first_axis(crop.bytes.data() + row * nk, depths.data() + row * nk, nk, spacing[2]);
-    stop.poll(nk);
-  }
-  other_axes(crop, spacing, depths.data(), nk, stop);
+  DepthLayers(crop, spacing).fill(0, crop.shape[2], depths.data(), stop);
 }
 
 Depths::Depths(const Crop& crop, const double* spacing, Stop& stop) {
