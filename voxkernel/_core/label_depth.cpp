@@ -199,7 +199,7 @@ const double* DeepestVoxels::layer(Index k) {
     }
     if (oldest == nullptr || layer.last_use < oldest->last_use) oldest = &layer;
   }
-  if (layers_.size() < layers_.capacity()) {
+  if (oldest == nullptr || layers_.size() < layers_.capacity()) {
     layers_.push_back({0, 0, Brief<double>(static_cast<std::size_t>(crop_.shape[0] * crop_.shape[1]))});
     oldest = &layers_.back();
   }
