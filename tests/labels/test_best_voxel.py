@@ -1,8 +1,5 @@
 """The best voxel beside looking from every voxel: how much it sees, which one it is, bounds when stopped early."""
 
-import subprocess
-import sys
-
 import label_shapes
 import numpy as np
 import pytest
@@ -257,31 +254,3 @@ def test_a_large_flat_crop(rng):
     cubes = Depths(crop, True, np.array([1.0, 1.0, 0.7]))
     expected = best_voxel(crop, True, depths, 0, 6000, 10**6, spacing=(1.0, 1.0, 0.7))
     assert best_voxel(crop, True, cubes, 0, 6000, 10**6) == expected
-
-
-MEMORY = """
-import label_shapes, numpy as np
-from voxkernel.labels.label_stars import frame_of
-from voxkernel.labels.label_image import LabelImage
-from voxkernel.labels.one_object import object_row
-def row(n):
-    crop = np.pad(label_shapes.ball(n), 1)
-    crop[n // 4 : n // 2, : n // 3, n // 4 : n // 2] = 0
-    image = LabelImage.from_array(np.zeros((n, n, n), np.uint8), spacing=(1, 1, 1))
-    def most():
-        return int(next(l for l in open("/proc/self/status") if l.startswith("VmHWM")).split()[1])
-    before = most()
-    object_row(crop, [0, 0, 0], frame_of(image, (32,), 300_000))
-    return (most() - before) * 1024
-row(12)
-print(row(200))
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_memory_of_one_large_object():
-    """Beside the crop (8 bytes a voxel for depths and as much for their order would be 130 MB)."""
-    path = str(label_shapes.__file__.rpartition("/")[0])
-    code = f"import sys; sys.path.insert(0, {path!r}){MEMORY}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert int(done.stdout) < 75e6
