@@ -6,8 +6,6 @@
 namespace voxkernel {
 namespace {
 
-constexpr Index kMostLooks = 60;
-
 // Some of what is hidden from a candidate and no target yet, far apart in the list.
 std::vector<Index> new_targets(const std::vector<Index>& hidden, const std::vector<bool>& is_target, Index most) {
   std::vector<Index> targets, found;
@@ -20,7 +18,7 @@ std::vector<Index> new_targets(const std::vector<Index>& hidden, const std::vect
 
 }  // namespace
 
-void cut_by_hidden(VoxelLooks& looks, std::vector<Candidate>& candidates) {
+void cut_by_hidden(VoxelLooks& looks, std::vector<Candidate>& candidates, Index most_looks) {
   std::vector<std::int32_t> counts(static_cast<std::size_t>(looks.crop().size()), 0);
   std::vector<bool> is_target(counts.size(), false);
   std::vector<Index> targets = looks.list_hidden(looks.winner());
@@ -34,7 +32,7 @@ void cut_by_hidden(VoxelLooks& looks, std::vector<Candidate>& candidates) {
       return looks.is_known(c.voxel) || counts[c.voxel] > looks.enough(c.voxel);
     };
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), is_out), candidates.end());
-    if (candidates.empty() || n_looks > kMostLooks || looks.is_over()) return;
+    if (candidates.empty() || n_looks > most_looks || looks.is_over()) return;
     const Index voxel =
         std::min_element(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
           const std::int32_t of_a = counts[a.voxel], of_b = counts[b.voxel];

@@ -8,12 +8,14 @@
 namespace voxkernel {
 namespace {
 
-constexpr Index kTileSteps = 1;  // steps of single voxels that take as long as a place of a tile
-constexpr Index kAhead = 32;     // candidates of a tile that are looked at before the others
-constexpr int kStopped = 3;      // first pass that may be left out where steps are limited
-constexpr Index kShare = 4;      // tiles are bounded where this takes at most such a part of the steps
-constexpr Index kCut = 12;       // where at most so many voxels are hidden from the best, candidates are cut by these
-constexpr Index kSample = 256;   // hidden voxels that tell which probes to take
+constexpr Index kTileSteps = 1;    // steps of single voxels that take as long as a place of a tile
+constexpr Index kAhead = 32;       // candidates of a tile that are looked at before the others
+constexpr int kStopped = 3;        // first pass that may be left out where steps are limited
+constexpr Index kShare = 4;        // tiles are bounded where this takes at most such a part of the steps
+constexpr Index kCutLooks = 60;    // looks that may cut candidates
+constexpr Index kCutVoxels = 100;  // voxels of an object for each of these: fewer are raced as fast
+constexpr Index kCutHidden = 5;    // looks for each voxel that is hidden from the best
+constexpr Index kSample = 256;     // hidden voxels that tell which probes to take
 
 }  // namespace
 
@@ -143,10 +145,11 @@ void TileRace::go_ahead(int pass) {
 
 // Once, as soon as little is hidden from the best voxel. Whether candidates are left.
 bool TileRace::cut() {
-  if (!is_cut_ && looks_.least() <= kCut) {
+  const Index most_looks = std::min(kCutLooks, looks_.n_voxels() / kCutVoxels);
+  if (!is_cut_ && kCutHidden * looks_.least() <= most_looks) {
     is_cut_ = true;
     drop(candidates_);
-    if (!candidates_.empty()) cut_by_hidden(looks_, candidates_);
+    if (!candidates_.empty()) cut_by_hidden(looks_, candidates_, most_looks);
   }
   return !candidates_.empty();
 }
