@@ -129,6 +129,8 @@ LabelRows::LabelRows(const Crop& crop, Index reach, const LabelRows* like) {
   }
   n_words_ = (shape_[2] + kBits - 1) / kBits;
   n_own_ = (extent_[2] + kBits - 1) / kBits;
+  whole_ = (margin_[2] + kBits - 1) / kBits;
+  bit_ = whole_ * kBits - margin_[2];
   strides_[0] = shape_[1] * n_words_ * kBits;
   strides_[1] = n_words_ * kBits;
   strides_[2] = 1;
@@ -204,9 +206,9 @@ const Word* LabelRows::targets_of(Index i, Index j) const {
 // The targets in a word of a row with its margin.
 inline Word LabelRows::targets_in(const Word* row, Index word) const {
   if (margin_[2] == 0) return row[word];
-  const Index whole = word - (margin_[2] + kBits - 1) / kBits, bit = (kBits - margin_[2] % kBits) % kBits;
-  const Word low = whole >= 0 && whole < n_own_ ? row[whole] >> bit : 0;
-  const Word high = bit > 0 && whole + 1 >= 0 && whole + 1 < n_own_ ? row[whole + 1] << (kBits - bit) : 0;
+  const Index whole = word - whole_;
+  const Word low = whole >= 0 && whole < n_own_ ? row[whole] >> bit_ : 0;
+  const Word high = bit_ > 0 && whole >= -1 && whole + 1 < n_own_ ? row[whole + 1] << (kBits - bit_) : 0;
   return low | high;
 }
 

@@ -75,10 +75,11 @@ class LabelRows {
   Index extent_[3];  // of the crop along these axes
   Index margin_[3];  // layers before the crop; across the rows only as many as are looked at
   Index shape_[3];
-  Index full_[2];     // shape across the rows with all that is open
-  Index strides_[3];  // a row is filled up to whole words
-  Index n_words_;     // of a row
-  Index n_own_ = 0;   // words of a row of the crop
+  Index full_[2];              // shape across the rows with all that is open
+  Index strides_[3];           // a row is filled up to whole words
+  Index n_words_;              // of a row
+  Index n_own_ = 0;            // words of a row of the crop
+  Index whole_ = 0, bit_ = 0;  // its word 0, from bit `bit_` on, is in word `whole_` of a row
   struct Shared {
     Brief<Word> targets;  // rows of the crop, without margins
     Brief<Word> seen;     // as many words as are open, or more
