@@ -82,6 +82,8 @@ class LabelTiles {
   void probe_way(const Word* to, Index* probed, Index nearest, Index farthest, __m256i own, Sums& sums);
   template <int order, int stage>
   void probe_avx2(Index j, Index k);
+  template <int stage>
+  void probe_by_tables(Index j, Index k);
 #endif
   void look_at_rows(Index j, Index k);
   void look_at(const Row& row);

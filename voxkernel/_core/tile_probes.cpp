@@ -9,7 +9,8 @@
 namespace voxkernel {
 namespace {
 
-constexpr int kPeriods[kOrders][3] = {{8, 64, 64}, {64, 64, 64}};  // the shares of a stage are multiples of the inverse
+constexpr int kPeriods[kOrders][2] = {{8, 64}, {64, 64}};  // the shares of a stage are multiples of the inverse
+constexpr int kWritten = 1;  // last stage whose probes are written out place by place; more of them is much code
 constexpr int kPlacesAtOnce = 4;
 constexpr Index kOften = 2000;  // places after which it is asked which voxels of a tile are out of the race
 
@@ -64,7 +65,11 @@ void LabelTiles::probe_rows(int part, Index enough, Index& n_steps, Stop& stop) 
       if (k < low_k || first_[j * shape_[2] + k] > last_[j * shape_[2] + k]) continue;
 #ifdef VOXKERNEL_HAS_AVX2
       if (has_avx2) {
-        probe_avx2<order, stage>(j, k);
+        if constexpr (stage > kWritten) {
+          probe_by_tables<stage>(j, k);
+        } else {
+          probe_avx2<order, stage>(j, k);
+        }
         continue;
       }
 #endif
@@ -187,6 +192,38 @@ VOXKERNEL_AVX2_INLINE void LabelTiles::probe_way(const Word* to, Index* probed, 
     }
     move_by(period);
   }
+}
+
+// As `probe`.
+template <int stage>
+VOXKERNEL_AVX2 void LabelTiles::probe_by_tables(Index j, Index k) {
+  const Index first = first_[j * shape_[2] + k], last = last_[j * shape_[2] + k];
+  const bool is_far = std::max(std::abs(j - low_[1]), std::abs(k - low_[2])) >= kNear[stage];
+  const __m256i own = load_words(own_);
+  Index probed[kAllProbes + 1];
+  add_offsets<kProbes[stage + 1]>(probes_[1].data() + (j - low_[1] + shape_[1] - 1) * kAllProbes,
+                                  probes_[2].data() + (k - low_[2] + shape_[2] - 1) * kAllProbes, at_, probed);
+  const Word* const words = words_.data();
+  const Word* to = words + (j * shape_[2] + k) * shape_[0] + first;
+  const std::int32_t* probes_i = probes_[0].data() + (first - low_[0] + shape_[0] - 1) * kAllProbes;
+  Index n_steps = 0;
+  for (Index i = first; i <= last; ++i, ++to, probes_i += kAllProbes) {
+    if (!is_far && std::abs(i - low_[0]) < kNear[stage]) continue;
+    ++n_steps;
+    __m256i wanted = _mm256_and_si256(own, load_words(to));
+    if (is_none(wanted)) continue;
+    for (int p = 0; p < kProbes[stage]; ++p)
+      wanted = _mm256_and_si256(wanted, load_words(words + probed[p] + probes_i[p]));
+    if (is_none(wanted)) continue;
+    __m256i seen = wanted;
+    for (int p = kProbes[stage]; p < kProbes[stage + 1]; ++p)
+      seen = _mm256_and_si256(seen, load_words(words + probed[p] + probes_i[p]));
+    const __m256i hidden = _mm256_andnot_si256(seen, wanted);
+    if (is_none(hidden)) continue;
+    store_words(counts_.waiting[counts_.n_waiting], hidden);
+    counts_.count_waiting();
+  }
+  n_steps_ += n_steps;
 }
 
 template <int order, int stage>
