@@ -12,6 +12,7 @@ from voxkernel._core import (
     StarRaster,
     StopFlag,
     best_voxel,
+    fill_holes,
     label_boxes,
     label_parts,
     line_counts,
@@ -139,6 +140,17 @@ def test_blocks_bound_an_object_that_is_not_raced_to_the_end():
     assert all(low <= best <= high for low, high in bounds)
     assert bounds[0][1] >= bounds[-1][1]
     assert bounds[-1][1] < 0.75 * crop.sum()
+
+
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_filled_holes_beside_scipy(rng, is_flat):
+    for _ in range(20):
+        shape = rng.integers(3, 25, 2) if is_flat else rng.integers(3, 12, 3)
+        image = (rng.random(tuple(shape)) < 0.75).astype(np.uint8)
+        crop = padded(image)
+        filled = np.empty_like(crop)
+        fill_holes(crop, is_flat, filled)
+        assert (filled == padded(ndimage.binary_fill_holes(image).astype(np.uint8))).all()
 
 
 @pytest.mark.parametrize("is_flat", [False, True])

@@ -69,6 +69,13 @@ void bind_labels(nb::module_& m) {
       array("crop"), nb::arg("is_flat"), stop_argument(),
       "Number of fragments, voxels of the largest, number of holes, voxels in them.");
   m.def(
+      "fill_holes",
+      [](const Image& crop, bool is_flat, Array<std::uint8_t, -1, -1, -1> filled, StopFlag* flag) {
+        const Crop object = crop_of(crop, is_flat);
+        without_lock([&](Stop& stop) { fill_holes(object, {filled.data(), object.size()}, stop); }, flag);
+      },
+      array("crop"), nb::arg("is_flat"), array("filled"), stop_argument(), "Fill 1 for an object and the holes in it.");
+  m.def(
       "line_counts",
       [](const Image& crop, bool is_flat, Array<Index, -1, -1> ij, Array<Index, -1, -1> ik, Array<Index, -1, -1> jk,
          StopFlag* flag) {

@@ -40,13 +40,36 @@ class Runs {
   // Number of voxels of every part, in the order of their first runs; joined through edges and corners, too, or through
   // faces only.
   std::vector<Index> sizes(bool with_corners, Stop& stop) const {
-    const bool is_small = runs_.size() <= static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max());
-    return is_small ? sizes_as<std::int32_t>(with_corners, stop) : sizes_as<Index>(with_corners, stop);
+    std::vector<Index> found;
+    const std::vector<Index> labels = parts(with_corners, stop);
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      found.resize(std::max(found.size(), static_cast<std::size_t>(labels[r] + 1)), 0);
+      found[labels[r]] += runs_[r].last - runs_[r].first + 1;
+    }
+    return found;
+  }
+
+  // Calls `visit(first voxel, number of voxels)` for the runs of every part but the first, joined through faces.
+  template <typename Visit>
+  void each_run_behind_the_first_part(Visit&& visit, Stop& stop) const {
+    const std::vector<Index> labels = parts(false, stop);
+    const Index nk = crop_.shape[2];
+    for (Index row = 0; row + 1 < static_cast<Index>(starts_.size()); ++row) {
+      for (Index r = starts_[row]; r < starts_[row + 1]; ++r) {
+        if (labels[r] > 0) visit(row * nk + runs_[r].first, runs_[r].last - runs_[r].first + 1);
+      }
+    }
   }
 
  private:
+  // The part of every run.
+  std::vector<Index> parts(bool with_corners, Stop& stop) const {
+    const bool is_small = runs_.size() <= static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max());
+    return is_small ? parts_as<std::int32_t>(with_corners, stop) : parts_as<Index>(with_corners, stop);
+  }
+
   template <typename Small>
-  std::vector<Index> sizes_as(bool with_corners, Stop& stop) const {
+  std::vector<Index> parts_as(bool with_corners, Stop& stop) const {
     UnionFind<Small> parts(static_cast<Index>(runs_.size()));
     const Index ni = crop_.shape[0], nj = crop_.shape[1];
     const Index reach = with_corners ? 1 : 0;
@@ -62,10 +85,7 @@ class Runs {
       }
       stop.poll(8 * (starts_[(i + 1) * nj] - starts_[i * nj] + nj));
     }
-    std::vector<Index> found(static_cast<std::size_t>(parts.n_parts()), 0);
-    const std::vector<Index> labels = parts.labels([](Index) { return true; });
-    for (std::size_t r = 0; r < runs_.size(); ++r) found[labels[r]] += runs_[r].last - runs_[r].first + 1;
-    return found;
+    return parts.labels([](Index) { return true; });
   }
 
   // Joins runs of two rows that have a voxel in common along the row, or neighbours where `reach` is 1.
@@ -96,6 +116,12 @@ LabelParts label_parts(const Crop& crop, Stop& stop) {
   parts.n_holes = static_cast<Index>(background.size()) - 1;
   for (std::size_t p = 1; p < background.size(); ++p) parts.hole_voxels += background[p];
   return parts;
+}
+
+void fill_holes(const Crop& crop, Span<std::uint8_t> filled, Stop& stop) {
+  std::copy_n(crop.bytes.data(), crop.size(), filled.data());
+  const auto fill = [&](Index first, Index n) { std::fill_n(filled.data() + first, n, std::uint8_t{1}); };
+  Runs(crop, false, stop).each_run_behind_the_first_part(fill, stop);
 }
 
 }  // namespace voxkernel

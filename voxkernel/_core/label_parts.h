@@ -1,6 +1,8 @@
 // Fragments of an object and cavities in it.
 #pragma once
 
+#include <cstdint>
+
 #include "label_crop.h"
 #include "spans.h"
 #include "stop.h"
@@ -14,5 +16,8 @@ struct LabelParts {
   Index hole_voxels = 0;
 };
 LabelParts label_parts(const Crop& crop, Stop& stop);
+
+// The object with its holes, a byte for each voxel of the crop.
+void fill_holes(const Crop& crop, Span<std::uint8_t> filled, Stop& stop);
 
 }  // namespace voxkernel
