@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
-__all__ = ["LabelStars", "rays_needed", "reason_of"]
-
-_ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
-_USUAL = 96  # rays of StarDist by default
+__all__ = ["LabelStars"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -51,9 +48,9 @@ class LabelStars(Frozen):
     rays_for_80, rays_for_90 : (n,) int64
         The smallest of `n_rays` that brings `iou` to 0.8 and to 0.9; 0 where none does.
     reason : tuple of str
-        Why an object falls short: "fragment", "hole", "hidden part", "elongated", "" where it does not.
+        The main cause why an object falls short: "fragment", "hole", "hidden part", "elongated", "" where none holds.
     detail : tuple of str
-        The reason in words, with its numbers.
+        Every cause that holds in words, with its share, the main one first; "" where none holds.
     defect_lower, defect_upper : (n,) float64
         Bounds on v*, the share of the smoothed surface that the best point does not face; NaN without `surface`.
     kernel_ratio : (n,) float64
@@ -63,6 +60,18 @@ class LabelStars(Frozen):
         object has no closed surface.
     spacing : tuple of float
         Of the image.
+
+    Notes
+    -----
+    What the best voxel does not see is shared out, each voxel once: to *fragment* what is outside the largest
+    fragment, to *hole* what would be seen if the holes were filled, to *hidden part* the rest. *elongated* is what rays
+    lose besides. It is judged for every object, by the largest `iou` of the numbers of rays up to 96 (of all numbers
+    where 96 is not among them): it holds where that is below 0.8 and, too, below 0.8 of `visible`, or farther below
+    `visible` than `visible` is below 1. So where it holds, `rays_for_80` is 0 or more than 96, and of an object that is
+    seen whole it holds exactly there. `reason` is the cause with the largest share, the difference to `visible` for
+    *elongated*, of equal ones the first in the order above. But *elongated* comes last where less than 0.8 is visible,
+    since no rays would do, and where `elongation` is below 2, since there 96 rays reach 0.8 of a convex object from its
+    middle, and fall short because the best voxel is elsewhere.
     """
 
     label: NDArray[np.int64]
@@ -164,29 +173,3 @@ class LabelStars(Frozen):
         import pandas as pd  # pyright: ignore
 
         return pd.DataFrame(self.to_dict())
-
-
-def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, int]:
-    """The smallest numbers of rays that reach an overlap of 0.8 and of 0.9; 0 for none."""
-    first, second = (
-        min((n for n, value in zip(n_rays, iou, strict=True) if value >= enough), default=0) for enough in _ENOUGH
-    )
-    return first, second
-
-
-def reason_of(
-    voxels: int, parts: tuple[int, int, int, int], hidden: int, n_rays: tuple[int, ...], iou: tuple[float, ...]
-) -> tuple[str, str]:
-    """Why an object falls short, the first that holds: in pieces, hollow, partly hidden, elongated; and in words."""
-    n_fragments, largest, n_holes, hole_voxels = parts
-    share = f"{hidden / voxels:.2%} of its voxels are hidden from the best one"
-    if n_fragments > 1:
-        return "fragment", f"{n_fragments} fragments, {1 - largest / voxels:.2%} outside the largest; {share}"
-    if n_holes:
-        return "hole", f"{n_holes} {'hole' if n_holes == 1 else 'holes'} of {hole_voxels} voxels; {share}"
-    if hidden:
-        return "hidden part", share
-    at = n_rays.index(_USUAL) if _USUAL in n_rays else int(np.argmax(n_rays))
-    if iou[at] < _ENOUGH[0]:
-        return "elongated", f"too elongated for {n_rays[at]} rays: they reach an overlap of {iou[at]:.3f}"
-    return "", ""
