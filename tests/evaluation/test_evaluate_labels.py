@@ -54,6 +54,12 @@ def test_one_row_per_object(run):
     stars = voxkernel.label_stars(scene(), spacing=(1, 1, 1), n_rays=RAYS)
     assert [row["object"] for row in objects] == stars.label.tolist() == [1, 2, 3, 7, 900]
     assert [row["shortfall"] for row in objects] == ["", "hidden part", "hole", "fragment", "elongated"]
+    assert [row["shortfall_detail"] for row in objects] == list(stars.detail)
+    assert objects[-1]["shortfall_detail"].startswith("too elongated for 96 rays")  # though it is star-shaped
+    hidden = "% of its voxels are hidden from the best one"
+    assert [row["verdict_reason"] for row in objects] == [
+        "" if seen == 1.0 else f"{100 * (1 - seen):.2f}{hidden}" for seen in stars.visible.tolist()
+    ]
     assert [row["voxels_seen"] for row in objects] == stars.visible.tolist()
     assert [row["iou"] for row in objects] == stars.iou.tolist()
     assert [row["center_index"] for row in objects] == stars.center.tolist()

@@ -35,7 +35,7 @@ _COLUMNS = (
     ("volume_share", "Volume share", "126px", CELL_SCORES[0].meaning),
     ("inradius_over_diameter", "Inradius / d.", "124px", CELL_SCORES[1].meaning),
     ("voxels_seen", "Seen", "88px", LABEL_SCORES[0].meaning),
-    ("shortfall", "Falls short by", "120px", "the first that holds: fragment, hole, hidden part, elongated"),
+    ("shortfall", "Falls short by", "120px", "the main cause; 'Details' lists all that hold"),
     ("rays_for_80", "Rays for 0.8", "110px", "that bring the overlap to 0.8; 0: none of those tried"),
     ("voxels", "Voxels", "88px", ""),
     ("n_facets", "Facets", "88px", ""),
@@ -44,6 +44,7 @@ _COLUMNS = (
     ("kind", "Kind", "", ""),
     ("cell", "Cell", "", ""),
     ("object", "Object", "", "number in the label image"),
+    ("shortfall_detail", "All causes", "", ""),
     ("verdict_reason", "Why not star-shaped", "", ""),
     ("notes", "Notes", "", ""),
     ("dimension", "Kernel dimension", "", ""),
@@ -106,7 +107,7 @@ _COLUMNS = (
 )
 _TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward", "touches_border")
 _ON_REQUEST = ("class", "before", "ratio_change", "defect_change")  # with classes, or another run
-_WHOLE = ("verdict_reason", "notes")
+_WHOLE = ("verdict_reason", "shortfall_detail", "notes")
 _DIGITS = 6
 _ENDS, _FILE = 188, 240  # pixels of the columns at both ends, and at least of the file
 _WORST = 24  # pictures of objects

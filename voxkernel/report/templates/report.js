@@ -143,7 +143,7 @@ function comparison(word) {
   return { test: (i) => { const v = value(c, i); return v !== null && v !== undefined && ok(v); } };
 }
 const haystack = new Array(data.n);
-for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes", "class", "before"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
+for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "shortfall_detail", "verdict_reason", "notes", "class", "before"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
 for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
 label.closest("label").hidden = data.labels.length < 2;
 const collator = new Intl.Collator("en", { numeric: true });
