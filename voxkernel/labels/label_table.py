@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -125,22 +126,10 @@ class LabelStars(Frozen):
         dict of str to list
             As `center_0`, `iou_96`, `iou_stepped_96`; None where a number is not known.
         """
-        columns: dict[str, list[Any]] = {}
-        for name in (
-            "label", "voxels", "low", "high", "fragments", "largest_fragment", "holes", "hole_voxels", "touches_border",
-            "elongation", "visible", "visible_upper", "is_certified", "center", "center_world", "visible_deepest",
-            "visible_centroid", "iou", "iou_stepped", "rays_for_80", "rays_for_90", "reason", "detail", "defect_lower",
-            "defect_upper", "kernel_ratio", "verdict",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if isinstance(value, tuple):
-                columns[name] = list(value)
-            elif value.ndim == 2:
-                ends = self.n_rays if name.startswith("iou") else range(value.shape[1])
-                columns |= {f"{name}_{end}": value[:, k].tolist() for k, end in enumerate(ends)}
-            else:
-                columns[name] = [None if v != v else v for v in value.tolist()]
-        return columns
+        return {
+            name: list(column) if isinstance(column, tuple) else [None if v != v else v for v in column.tolist()]
+            for name, column in self._columns()
+        }
 
     def to_arrow(self) -> Any:
         """Give the columns of `to_dict` as a table.
@@ -148,14 +137,21 @@ class LabelStars(Frozen):
         Returns
         -------
         pyarrow.Table
-            One row per object.
+            One row per object; the types of its columns are those above, whatever the rows hold, so that tables can
+            be put together: `pyarrow.concat_tables`, with `promote_options="default"` for other axes or `n_rays`.
 
         Raises
         ------
         MissingExtraError
             If pyarrow is not installed.
         """
-        return optional("pyarrow").table(self.to_dict())
+        pa = optional("pyarrow")
+        rows = self.to_dict()
+        types = {
+            name: pa.string() if isinstance(column, tuple) else pa.from_numpy_dtype(column.dtype)
+            for name, column in self._columns()
+        }
+        return pa.table({name: pa.array(rows[name], types[name]) for name in rows})
 
     def to_pandas(self) -> Any:
         """Give the columns of `to_dict` as a data frame, where pandas is installed.
@@ -173,3 +169,18 @@ class LabelStars(Frozen):
         import pandas as pd  # pyright: ignore
 
         return pd.DataFrame(self.to_dict())
+
+    def _columns(self) -> Iterator[tuple[str, NDArray[Any] | tuple[str, ...]]]:
+        """Columns of numbers as arrays, of text as tuples."""
+        for name in (
+            "label", "voxels", "low", "high", "fragments", "largest_fragment", "holes", "hole_voxels", "touches_border",
+            "elongation", "visible", "visible_upper", "is_certified", "center", "center_world", "visible_deepest",
+            "visible_centroid", "iou", "iou_stepped", "rays_for_80", "rays_for_90", "reason", "detail", "defect_lower",
+            "defect_upper", "kernel_ratio", "verdict",
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if isinstance(value, tuple) or value.ndim == 1:
+                yield name, value
+            else:
+                ends = self.n_rays if name.startswith("iou") else range(value.shape[1])
+                yield from ((f"{name}_{end}", value[:, k]) for k, end in enumerate(ends))
