@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["ENOUGH", "Hidden", "rays_needed", "reason_of"]
+__all__ = ["ENOUGH", "Hidden", "best_overlap", "causes_in", "rays_needed", "reason_of"]
 
 ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
 _USUAL = 96  # rays of StarDist by default
+_MARKS = {"fragment": "fragments", "hole": "hidden behind", "hidden part": "hidden part", "elongated": "elongated"}
 _LONG = 2.0  # up to here 96 rays from the middle reach 0.8 of an ellipsoid, a rod and a plate
 
 
@@ -38,6 +39,17 @@ def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, i
     return first, second
 
 
+def best_overlap(n_rays: Sequence[int], iou: Sequence[float]) -> tuple[int, float]:
+    """How many rays are usual, the most that were tried where 96 were not, and the best overlap of up to so many."""
+    most = _USUAL if _USUAL in n_rays else max(n_rays)
+    return most, max(value for n, value in zip(n_rays, iou, strict=True) if n <= most)
+
+
+def causes_in(detail: str) -> list[str]:
+    """Name the causes that a detail gives in words, in its order."""
+    return [next(name for name, mark in _MARKS.items() if mark in words) for words in detail.split("; ") if words]
+
+
 def reason_of(
     hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: tuple[float, ...]
 ) -> tuple[str, str]:
@@ -55,10 +67,9 @@ def reason_of(
     if hidden.bent:
         words = f"hidden part of {_share(hidden.bent, whole)}"
         causes.append((hidden.bent / whole, "hidden part", words))
-    most = _USUAL if _USUAL in n_rays else max(n_rays)
-    best = max(value for n, value in zip(n_rays, iou, strict=True) if n <= most)
+    most, best = best_overlap(n_rays, iou)
     if best < ENOUGH[0] and (best < ENOUGH[0] * seen or seen - best > hidden.total / whole):
-        words = f"too elongated for {most} rays: they reach an overlap of {math.floor(best * 1000) / 1000:.3f}"
+        words = f"too elongated for {most} rays: they reach an overlap of {min(best, 0.799):.3f}"
         is_last = seen < ENOUGH[0] or elongation < _LONG
         causes.append((0.0 if is_last else seen - best, "elongated", words))
     if not causes:
