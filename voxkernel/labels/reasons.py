@@ -50,9 +50,7 @@ def causes_in(detail: str) -> list[str]:
     return [next(name for name, mark in _MARKS.items() if mark in words) for words in detail.split("; ") if words]
 
 
-def reason_of(
-    hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: tuple[float, ...]
-) -> tuple[str, str]:
+def reason_of(hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[str, str]:
     """The main cause, and all that hold in words, the main one first; the rule: `LabelStars`."""
     whole, seen = hidden.voxels, 1.0 - hidden.total / hidden.voxels
     causes: list[tuple[float, str, str]] = []
