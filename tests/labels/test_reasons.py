@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from voxkernel import label_stars
-from voxkernel.labels.reasons import Hidden, reason_of
+from voxkernel.labels.reasons import Hidden, causes_in, reason_of
 
 RAYS = (32, 64, 96, 128)
 FINE, FEW = (0.7, 0.85, 0.9, 0.95), (0.1, 0.2, 0.3, 0.4)
@@ -148,13 +148,17 @@ def test_the_main_cause():
         (hidden(bent=1), (0.6, 0.6, 0.7995, 0.7995), "elongated"),  # 0.8 of what is seen, and yet not enough
     ):
         found, words = reason_of(lost, LONG, RAYS, iou)
+        assert causes_in(words)[0] == found
         assert found == reason
         first = words.split("; ")[0]
         assert reason in first.replace("holes", "hole").replace("fragments", "fragment")
 
 
 def test_a_round_object_is_not_elongated_because_of_its_hole():
-    assert reason_of(hidden(holes=1, behind=4), 1.0, RAYS, FEW)[0] == "hole"
+    reason, detail = reason_of(hidden(holes=1, behind=4), 1.0, RAYS, FEW)
+    assert reason == "hole"
+    assert detail.endswith("; 96 rays are too few from the best voxel: they reach an overlap of 0.300")
+    assert causes_in(detail) == ["hole", "few rays"]
     assert reason_of(hidden(holes=1, behind=4), LONG, RAYS, FEW)[0] == "elongated"
     assert reason_of(hidden(), 1.0, RAYS, FEW)[0] == "elongated"  # the only cause
 

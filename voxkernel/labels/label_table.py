@@ -70,9 +70,10 @@ class LabelStars(Frozen):
     where 96 is not among them): it holds where that is below 0.8 and, too, below 0.8 of `visible`, or farther below
     `visible` than `visible` is below 1. So where it holds, `rays_for_80` is 0 or more than 96, and of an object that is
     seen whole it holds exactly there. `reason` is the cause with the largest share, the difference to `visible` for
-    *elongated*, of equal ones the first in the order above. But *elongated* comes last where less than 0.8 is visible,
-    since no rays would do, and where `elongation` is below 2, since there 96 rays reach 0.8 of a convex object from its
-    middle, and fall short because the best voxel is elsewhere.
+    *elongated*, of equal ones the first in the order above; but *elongated* comes last where less than 0.8 is
+    visible, since no rays would do. And where `elongation` is below 2 and something is hidden, `detail` says that the
+    rays are *too few from the best voxel*, last: 96 rays from the middle reach 0.8 of ellipsoids, rods and plates of
+    that elongation, and the best voxel is elsewhere because of what is hidden.
     """
 
     label: NDArray[np.int64]

@@ -9,7 +9,8 @@ __all__ = ["ENOUGH", "Hidden", "best_overlap", "causes_in", "rays_needed", "reas
 
 ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
 _USUAL = 96  # rays of StarDist by default
-_MARKS = {"fragment": "fragments", "hole": "hidden behind", "hidden part": "hidden part", "elongated": "elongated"}
+_MARKS = {"fragment": "fragments", "hole": "hidden behind", "hidden part": "hidden part", "elongated": "elongated",
+          "few rays": "too few"}  # fmt: skip
 _LONG = 2.0  # up to here 96 rays from the middle reach 0.8 of an ellipsoid, a rod and a plate
 
 
@@ -52,7 +53,7 @@ def causes_in(detail: str) -> list[str]:
 
 def reason_of(hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[str, str]:
     """The main cause, and all that hold in words, the main one first; the rule: `LabelStars`."""
-    whole, seen = hidden.voxels, 1.0 - hidden.total / hidden.voxels
+    whole, seen = hidden.voxels, (hidden.voxels - hidden.total) / hidden.voxels
     causes: list[tuple[float, str, str]] = []
     if hidden.n_fragments > 1:
         words = f"{hidden.n_fragments} fragments, {_share(hidden.apart, whole)} outside the largest"
@@ -67,9 +68,12 @@ def reason_of(hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: t
         causes.append((hidden.bent / whole, "hidden part", words))
     most, best = best_overlap(n_rays, iou)
     if best < ENOUGH[0] and (best < ENOUGH[0] * seen or seen - best > hidden.total / whole):
-        words = f"too elongated for {most} rays: they reach an overlap of {min(best, 0.799):.3f}"
-        is_last = seen < ENOUGH[0] or elongation < _LONG
-        causes.append((0.0 if is_last else seen - best, "elongated", words))
+        reach = f"they reach an overlap of {min(best, 0.799):.3f}"
+        if causes and elongation < _LONG:  # from the middle they would do
+            causes.append((0.0, "few rays", f"{most} rays are too few from the best voxel: {reach}"))
+        else:
+            cost = seen - best if seen >= ENOUGH[0] else 0.0  # less than that, and no rays would do
+            causes.append((cost, "elongated", f"too elongated for {most} rays: {reach}"))
     if not causes:
         return "", ""
     causes.sort(key=lambda cause: -cause[0])  # equal ones stay in this order
