@@ -62,8 +62,9 @@ COLUMNS = {
     "box_high": "list<int64>", "n_fragments": "int64", "n_holes": "int64", "hole_voxels": "int64",
     "touches_border": "bool", "elongation": "double", "voxels_seen": "double", "voxels_seen_upper": "double",
     "center_index": "list<int64>", "center_world": "list<double>", "seen_deepest": "double", "seen_centroid": "double",
-    "n_rays": "list<int64>", "iou": "list<double>", "iou_stepped": "list<double>", "rays_for_80": "int64",
-    "rays_for_90": "int64", "shortfall": "string",
+    "n_rays": "list<int64>", "iou": "list<double>", "iou_stepped": "list<double>", "overlap": "double",
+    "rays_for_80": "int64", "rays_for_90": "int64", "shortfall": "string", "shortfall_detail": "string",
+    "causes": "list<string>",
     # the proof
     "certificate_kind": "string", "certificate_facets": "list<int64>", "certificate_verified": "bool",
     "notes": "list<string>",

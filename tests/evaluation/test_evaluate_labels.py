@@ -54,6 +54,14 @@ def test_one_row_per_object(run):
     stars = voxkernel.label_stars(scene(), spacing=(1, 1, 1), n_rays=RAYS)
     assert [row["object"] for row in objects] == stars.label.tolist() == [1, 2, 3, 7, 900]
     assert [row["shortfall"] for row in objects] == ["", "hidden part", "hole", "fragment", "elongated"]
+    assert [row["shortfall_detail"] for row in objects] == list(stars.detail)
+    assert [(row["causes"] or [""])[0] for row in objects] == list(stars.reason)
+    assert [row["overlap"] for row in objects] == stars.iou.max(axis=1).tolist()  # 96 are the most
+    assert objects[-1]["shortfall_detail"].startswith("too elongated for 96 rays")  # though it is star-shaped
+    hidden = "% of its voxels are hidden from the best one"
+    assert [row["verdict_reason"] for row in objects] == [
+        "" if seen == 1.0 else f"{100 * (1 - seen):.2f}{hidden}" for seen in stars.visible.tolist()
+    ]
     assert [row["voxels_seen"] for row in objects] == stars.visible.tolist()
     assert [row["iou"] for row in objects] == stars.iou.tolist()
     assert [row["center_index"] for row in objects] == stars.center.tolist()
@@ -82,6 +90,20 @@ def test_a_report_counts_objects_apart(run, tmp_path):
         assert words in page
     assert write_report(tmp_path / "page.md", folder / "run")["objects"] == objects
     assert "5 objects of label images" in (tmp_path / "page.md").read_text()
+
+
+def test_captions_do_not_round_up_to_all(tmp_path):
+    image = np.zeros((14, 11, 82), np.uint8)
+    image[4:13, 1:10, 1:81] = image[3, 5, 40] = image[2, 5, 39:42] = 1
+    np.savez(tmp_path / "rod.npz", labels=image, spacing=(1.0, 1.0, 1.0))
+    settings = EvaluateSettings(n_rays=RAYS, thumbnails=True, workers=1)
+    voxkernel.evaluate(tmp_path / "rod.npz", output=tmp_path / "run", settings=settings)
+    summary = write_report(tmp_path / "page.html", tmp_path / "run")
+    assert summary["objects"]["causes"] == {"elongated": 1, "hidden part": 1}
+    assert summary["objects"]["shortfalls"] == {"elongated": 1}
+    page = (tmp_path / "page.html").read_text()
+    assert "&gt; 99.9 % seen, elongated" in page
+    assert "100.0%" not in page
 
 
 def test_a_large_image_is_divided(tmp_path):

@@ -303,13 +303,82 @@ def test_objects_of_label_images_are_found_by_number_and_reason(opened, tmp_path
         page.fill("#search", words)
         found[words] = page.evaluate(f"{SHOWN}.map((row) => row.dataset.row)")
     assert found == {
-        "object 2": ["1"], "hidden part": ["1"], "fragment": ["2"], "three": ["0", "1", "2"], "elongated": [],
+        "object 2": ["1"], "hidden part": ["1"], "fragment": ["2"], "three": ["0", "1", "2"],
+        "elongated": ["1"],  # its other cause
     }  # fmt: skip
     page.fill("#search", "object 3")
     page.click("#body button")
     assert page.inner_text("#shape-name").endswith("three.npz object 3")
     overlaps = page.evaluate("[...document.querySelectorAll('#facts dd')].map((dd) => dd.textContent)")
     assert not any(len(item) > 9 for text in overlaps for item in text.split(", ") if item.startswith("0."))
+
+
+def label_row(number, seen, overlap, needed, **more):
+    return {
+        "file": "cells.tif", "kind": "label", "object": number, "status": "ok", "voxels": 1000, "voxels_seen": seen,
+        "voxels_seen_upper": seen, "verdict": "star-shaped" if seen == 1 else "not star-shaped", "n_rays": [32, 96],
+        "iou": [overlap / 2, overlap], "iou_stepped": [overlap / 2, overlap], "overlap": overlap, "rays_for_80": needed,
+        "rays_for_90": 0, "seen_deepest": seen, "seen_centroid": seen, **more,
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory):
+    """Objects 2, 21, 300 and 301 of one image."""
+    folder = tmp_path_factory.mktemp("objects")
+    few = {"shortfall": "elongated", "shortfall_detail": "too elongated for 96 rays", "causes": ["elongated"]}
+    part = {"shortfall": "hidden part", "shortfall_detail": "hidden part of less than 0.01%; 2 fragments",
+            "causes": ["hidden part", "fragment"]}  # fmt: skip
+    rows = [
+        label_row(2, 1.0, 0.85, 96), label_row(21, 1.0, 0.4, 0, **few), label_row(300, 0.99999999, 0.9, 32, **part),
+        label_row(301, 0.5, 0.45, 0, **part),
+    ]  # fmt: skip
+    write_run(folder / "run", rows)
+    write_report(folder / "report.html", folder / "run")
+    return folder / "report.html"
+
+
+def numbers_found(page, words):
+    page.fill("#search", words)
+    return [int(name.split()[-1]) for name in column(page, "File")]
+
+
+def test_objects_are_filtered_by_overlap_and_rays(opened, objects):
+    page = opened(objects)
+    assert page.get_by_label("Search, or compare: iou<0.8 seen<0.9").count() == 1
+    for words, found in (
+        ("iou<0.8", [21, 301]), ("overlap>=0.85", [2, 300]), ("rays_for_80<=96", [2, 300]),
+        ("rays_for_80>96", [21, 301]), ("seen<1", [300, 301]), ("fragment", [300, 301]),
+    ):  # fmt: skip
+        assert numbers_found(page, words) == found
+        assert "no column" not in page.inner_text("#count")
+
+
+def test_no_number_of_rays_is_never_and_more_than_any(opened, objects):
+    page = opened(objects)
+    assert column(page, "Rays for 0.8") == ["96", "never", "32", "never"]
+    head(page, "rays_for_80").get_by_role("button").click()
+    assert column(page, "Rays for 0.8") == ["never", "never", "96", "32"]
+    page.locator("#body button").first.click()
+    assert "Rays for 0.9never" in page.locator("#facts").text_content()
+
+
+def test_the_beginning_of_a_number_finds_objects_until_one_has_it(opened, objects):
+    page = opened(objects)
+    assert numbers_found(page, "object 2") == [2]
+    assert numbers_found(page, "object 30") == [300, 301]
+    assert numbers_found(page, "object 300") == [300]
+    assert numbers_found(page, "object 7") == []
+
+
+def test_nearly_all_is_not_all(opened, objects):
+    page = opened(objects)
+    assert column(page, "Seen") == ["1", "1", "< 1", "0.5"]
+    causes = page.locator("#objects table tbody tr").all_inner_texts()
+    assert [line.split("\t") for line in causes] == [
+        ["hidden part", "2", "50 %", "2"], ["elongated", "1", "25 %", "1"], ["fragment", "0", "0 %", "2"],
+        ["none", "1", "25 %", ""],
+    ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

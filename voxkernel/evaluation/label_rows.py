@@ -12,6 +12,7 @@ import numpy as np
 from voxkernel._plain import plain
 from voxkernel.evaluation.settings import FEW, EvaluateSettings
 from voxkernel.labels import LabelImage, LabelObjects, LabelStars, find_objects, label_stars, read_labels
+from voxkernel.labels.reasons import best_overlap, causes_in
 
 __all__ = ["label_rows"]
 
@@ -49,7 +50,8 @@ def _objects_of(path: str, spacing: tuple[float, ...] | None) -> LabelObjects:
 
 def _row(stars: LabelStars, i: int, n_objects: int) -> dict[str, Any]:
     seen, upper = float(stars.visible[i]), float(stars.visible_upper[i])
-    words = stars.detail[i] if seen < 1.0 else ""
+    hidden = f"{1 - seen:.2%}" if seen < 0.99995 else "less than 0.01%"
+    words = f"{hidden} of its voxels are hidden from the best one" if seen < 1.0 else ""
     if seen < 1.0 and upper == 1.0:
         words += "; not certified: no voxel that was looked at sees all"
     return {
@@ -64,7 +66,9 @@ def _row(stars: LabelStars, i: int, n_objects: int) -> dict[str, Any]:
         "seen_deepest": float(stars.visible_deepest[i]), "seen_centroid": float(stars.visible_centroid[i]),
         "n_rays": list(stars.n_rays), "iou": stars.iou[i].tolist(), "iou_stepped": stars.iou_stepped[i].tolist(),
         "rays_for_80": int(stars.rays_for_80[i]), "rays_for_90": int(stars.rays_for_90[i]),
-        "shortfall": stars.reason[i], "ratio": plain(float(stars.kernel_ratio[i])),
+        "shortfall": stars.reason[i], "shortfall_detail": stars.detail[i], "causes": causes_in(stars.detail[i]),
+        "overlap": best_overlap(stars.n_rays, stars.iou[i].tolist())[1],
+        "ratio": plain(float(stars.kernel_ratio[i])),
         "violation_lower": plain(float(stars.defect_lower[i])), "violation_upper": plain(float(stars.defect_upper[i])),
         "notes": [f"surface: {stars.verdict[i]}"] if stars.verdict[i] else [], "thumbnail": "", "view": "",
     }  # fmt: skip

@@ -20,7 +20,7 @@ __all__ = [
 ]  # fmt: skip
 
 PROFILE_TOLERANCES = tuple(round(0.02 * k, 2) for k in range(26))
-_FORMAT = 2  # counts up when the same settings give other rows
+_FORMAT = 3  # counts up when the same settings give other rows
 _RESULTS = (
     *("domain", "gap", "depth", "tolerances", "visible", "energies", "thumbnails", "spacing", "n_rays", "surface"),
     "guards",

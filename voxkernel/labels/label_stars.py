@@ -16,10 +16,11 @@ from voxkernel._threads import run_parts
 from voxkernel.labels.image_files import read_labels
 from voxkernel.labels.label_image import LabelImage, as_spacing
 from voxkernel.labels.label_surface import SurfaceRow, surface_row
-from voxkernel.labels.label_table import LabelStars, rays_needed, reason_of
+from voxkernel.labels.label_table import LabelStars
 from voxkernel.labels.objects import LabelObjects, check_crop, check_objects, crop_of, find_objects
 from voxkernel.labels.one_object import ImageFrame, ObjectRow, object_row
 from voxkernel.labels.ray_sets import ray_set
+from voxkernel.labels.reasons import rays_needed, reason_of
 
 __all__ = ["as_image", "as_ray_counts", "frame_of", "label_stars", "stars_of"]
 
@@ -168,10 +169,7 @@ def _table(
     seen /= voxels[:, None]
     center = np.array([r.center for r, _ in rows], dtype=np.int64).reshape(n, 3)[:, 3 - axes :]
     needed = np.array([rays_needed(counts, r.iou) for r, _ in rows], dtype=np.int64).reshape(n, 2)
-    reasons = [
-        reason_of(v, (r.n_fragments, r.largest_fragment, r.n_holes, r.hole_voxels), v - r.n_seen, counts, r.iou)
-        for v, (r, _) in zip(voxels.tolist(), rows, strict=True)
-    ]
+    reasons = [reason_of(r.hidden, r.elongation, counts, r.iou) for r, _ in rows]
     numbers = np.array([(s.defect_lower, s.defect_upper, s.kernel_ratio) for _, s in rows]).reshape(n, 3)
     return LabelStars(
         label=objects.label[chosen], voxels=voxels, low=objects.low[chosen], high=objects.high[chosen],

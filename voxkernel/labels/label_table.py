@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +12,7 @@ from numpy.typing import NDArray
 from voxkernel._extras import optional
 from voxkernel._frozen import Frozen
 
-__all__ = ["LabelStars", "rays_needed", "reason_of"]
-
-_ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
-_USUAL = 96  # rays of StarDist by default
+__all__ = ["LabelStars"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -51,9 +49,9 @@ class LabelStars(Frozen):
     rays_for_80, rays_for_90 : (n,) int64
         The smallest of `n_rays` that brings `iou` to 0.8 and to 0.9; 0 where none does.
     reason : tuple of str
-        Why an object falls short: "fragment", "hole", "hidden part", "elongated", "" where it does not.
+        The main cause why an object falls short: "fragment", "hole", "hidden part", "elongated", "" where none holds.
     detail : tuple of str
-        The reason in words, with its numbers.
+        Every cause that holds in words, with its share, the main one first; "" where none holds.
     defect_lower, defect_upper : (n,) float64
         Bounds on v*, the share of the smoothed surface that the best point does not face; NaN without `surface`.
     kernel_ratio : (n,) float64
@@ -63,6 +61,19 @@ class LabelStars(Frozen):
         object has no closed surface.
     spacing : tuple of float
         Of the image.
+
+    Notes
+    -----
+    What the best voxel does not see is shared out, each voxel once: to *fragment* what is outside the largest
+    fragment, to *hole* what would be seen if the holes were filled, to *hidden part* the rest. *elongated* is what rays
+    lose besides. It is judged for every object, by the largest `iou` of the numbers of rays up to 96 (of all numbers
+    where 96 is not among them): it holds where that is below 0.8 and, too, below 0.8 of `visible`, or farther below
+    `visible` than `visible` is below 1. So where it holds, `rays_for_80` is 0 or more than 96, and of an object that is
+    seen whole it holds exactly there. `reason` is the cause with the largest share, the difference to `visible` for
+    *elongated*, of equal ones the first in the order above; but *elongated* comes last where less than 0.8 is
+    visible, since no rays would do. And where `elongation` is below 2 and something is hidden, `detail` says that the
+    rays are *too few from the best voxel*, last: 96 rays from the middle reach 0.8 of ellipsoids, rods and plates of
+    that elongation, and the best voxel is elsewhere because of what is hidden.
     """
 
     label: NDArray[np.int64]
@@ -116,22 +127,10 @@ class LabelStars(Frozen):
         dict of str to list
             As `center_0`, `iou_96`, `iou_stepped_96`; None where a number is not known.
         """
-        columns: dict[str, list[Any]] = {}
-        for name in (
-            "label", "voxels", "low", "high", "fragments", "largest_fragment", "holes", "hole_voxels", "touches_border",
-            "elongation", "visible", "visible_upper", "is_certified", "center", "center_world", "visible_deepest",
-            "visible_centroid", "iou", "iou_stepped", "rays_for_80", "rays_for_90", "reason", "detail", "defect_lower",
-            "defect_upper", "kernel_ratio", "verdict",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if isinstance(value, tuple):
-                columns[name] = list(value)
-            elif value.ndim == 2:
-                ends = self.n_rays if name.startswith("iou") else range(value.shape[1])
-                columns |= {f"{name}_{end}": value[:, k].tolist() for k, end in enumerate(ends)}
-            else:
-                columns[name] = [None if v != v else v for v in value.tolist()]
-        return columns
+        return {
+            name: list(column) if isinstance(column, tuple) else [None if v != v else v for v in column.tolist()]
+            for name, column in self._columns()
+        }
 
     def to_arrow(self) -> Any:
         """Give the columns of `to_dict` as a table.
@@ -139,14 +138,21 @@ class LabelStars(Frozen):
         Returns
         -------
         pyarrow.Table
-            One row per object.
+            One row per object; the types of its columns are those above, whatever the rows hold, so that tables can
+            be put together: `pyarrow.concat_tables`, with `promote_options="default"` for other axes or `n_rays`.
 
         Raises
         ------
         MissingExtraError
             If pyarrow is not installed.
         """
-        return optional("pyarrow").table(self.to_dict())
+        pa = optional("pyarrow")
+        rows = self.to_dict()
+        types = {
+            name: pa.string() if isinstance(column, tuple) else pa.from_numpy_dtype(column.dtype)
+            for name, column in self._columns()
+        }
+        return pa.table({name: pa.array(rows[name], types[name]) for name in rows})
 
     def to_pandas(self) -> Any:
         """Give the columns of `to_dict` as a data frame, where pandas is installed.
@@ -165,28 +171,17 @@ class LabelStars(Frozen):
 
         return pd.DataFrame(self.to_dict())
 
-
-def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, int]:
-    """The smallest numbers of rays that reach an overlap of 0.8 and of 0.9; 0 for none."""
-    first, second = (
-        min((n for n, value in zip(n_rays, iou, strict=True) if value >= enough), default=0) for enough in _ENOUGH
-    )
-    return first, second
-
-
-def reason_of(
-    voxels: int, parts: tuple[int, int, int, int], hidden: int, n_rays: tuple[int, ...], iou: tuple[float, ...]
-) -> tuple[str, str]:
-    """Why an object falls short, the first that holds: in pieces, hollow, partly hidden, elongated; and in words."""
-    n_fragments, largest, n_holes, hole_voxels = parts
-    share = f"{hidden / voxels:.2%} of its voxels are hidden from the best one"
-    if n_fragments > 1:
-        return "fragment", f"{n_fragments} fragments, {1 - largest / voxels:.2%} outside the largest; {share}"
-    if n_holes:
-        return "hole", f"{n_holes} {'hole' if n_holes == 1 else 'holes'} of {hole_voxels} voxels; {share}"
-    if hidden:
-        return "hidden part", share
-    at = n_rays.index(_USUAL) if _USUAL in n_rays else int(np.argmax(n_rays))
-    if iou[at] < _ENOUGH[0]:
-        return "elongated", f"too elongated for {n_rays[at]} rays: they reach an overlap of {iou[at]:.3f}"
-    return "", ""
+    def _columns(self) -> Iterator[tuple[str, NDArray[Any] | tuple[str, ...]]]:
+        """Columns of numbers as arrays, of text as tuples."""
+        for name in (
+            "label", "voxels", "low", "high", "fragments", "largest_fragment", "holes", "hole_voxels", "touches_border",
+            "elongation", "visible", "visible_upper", "is_certified", "center", "center_world", "visible_deepest",
+            "visible_centroid", "iou", "iou_stepped", "rays_for_80", "rays_for_90", "reason", "detail", "defect_lower",
+            "defect_upper", "kernel_ratio", "verdict",
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if isinstance(value, tuple) or value.ndim == 1:
+                yield name, value
+            else:
+                ends = self.n_rays if name.startswith("iou") else range(value.shape[1])
+                yield from ((f"{name}_{end}", value[:, k]) for k, end in enumerate(ends))

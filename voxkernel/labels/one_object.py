@@ -8,9 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxkernel._core import Depths, StarRaster, StopFlag, best_voxel, label_parts, line_counts, ray_lengths
+from voxkernel._core import (
+    Depths,
+    StarRaster,
+    StopFlag,
+    best_voxel,
+    label_parts,
+    line_counts,
+    ray_lengths,
+    visible_voxels,
+)  # fmt: skip
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
+from voxkernel.labels.reasons import Hidden
 
 __all__ = ["ImageFrame", "ObjectRow", "object_row", "position_of"]
 
@@ -45,6 +55,7 @@ class ObjectRow:
     n_seen_centroid: int
     iou: tuple[float, ...]
     iou_stepped: tuple[float, ...]
+    hidden: Hidden
 
 
 def object_row(
@@ -63,6 +74,8 @@ def object_row(
     # where it is farthest from the centre, there is a voxel of the object, and the segment to that passes the hole.
     parts = (1, n, 0, 0) if n_seen == n else label_parts(crop, flat, stop)
     center = position_of(best, crop.shape)
+    behind = _behind_holes(crop, flat, center, n_seen, parts[1], stop) if parts[2] else 0
+    hidden = Hidden(n, parts[0], n - parts[1], parts[2], parts[3], behind, parts[1] - n_seen - behind)
     offset = np.array(low) - 1
     high = [a + s - 2 for a, s in zip(low, crop.shape, strict=True)]
     touches = [a == 0 or b == m for a, b, m in zip(low, high, frame.shape, strict=True)]
@@ -70,13 +83,30 @@ def object_row(
     first, second, third = (center + offset).tolist()
     return ObjectRow(
         *parts, any(touches[1:] if flat else touches), elongation, n_seen, upper, (first, second, third), n_deepest,
-        n_centroid, iou, stepped,
+        n_centroid, iou, stepped, hidden,
     )  # fmt: skip
 
 
 def position_of(voxel: int, shape: tuple[int, ...]) -> NDArray[np.int64]:
     """Position in a crop of a voxel that is given as a single number."""
     return np.array(np.unravel_index(voxel, shape), dtype=np.int64)
+
+
+def _behind_holes(
+    crop: NDArray[np.uint8], flat: bool, center: NDArray[np.int64], n_seen: int, largest: int, stop: StopFlag | None
+) -> int:  # fmt: skip
+    """Voxels of the object that the centre would see if the holes were filled, and does not.
+
+    A fragment in a hole stays a fragment: no more is counted than what the largest fragment has.
+    """
+    from scipy.ndimage import binary_fill_holes
+
+    inner = slice(1, 2) if flat else slice(None)  # the layers above and below a flat object are no way out
+    filled = np.zeros_like(crop)
+    filled[inner] = np.reshape(np.asarray(binary_fill_holes(crop[inner].squeeze())), crop[inner].shape)
+    seen = np.empty_like(crop)
+    visible_voxels(filled, flat, center, seen, stop)
+    return min(int(np.count_nonzero(seen & crop)), largest) - n_seen
 
 
 def _moments(crop: NDArray[np.uint8], frame: ImageFrame, stop: StopFlag | None) -> tuple[NDArray[np.int64], float]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel.errors import VoxKernelError
 from voxkernel.labels import LabelImage, LabelStars
 from voxkernel.labels.label_surface import surface_of
 from voxkernel.labels.objects import LabelObjects, crop_of
@@ -18,11 +19,16 @@ from voxkernel.pictures.silent_vtk import silent_vtk
 __all__ = ["label_picture"]
 
 _PANEL = (240, 180)  # of the four, in pixels
-_SEEN, _HIDDEN, _MARK = (70, 118, 172), (204, 52, 40), (250, 200, 20)
+_SEEN, _HIDDEN, _MARK, _INK = (70, 118, 172), (204, 52, 40), (250, 200, 20), (86, 100, 115)
+_LEFT = 0.1  # of the voxels' volume that a surface must have to be drawn
+_TOO_THIN = "Too thin for\na smoothed surface"
 
 
 def label_picture(image: LabelImage, stars: LabelStars, i: int) -> bytes:
-    """Draw row `i` as a PNG: along each axis how much is behind a pixel, and the surface of an object of three axes."""
+    """Draw row `i` as a PNG: along each axis how much is behind a pixel, and the surface of an object of three axes.
+
+    Where smoothing leaves next to nothing of a thin object, words stand in the place of the surface.
+    """
     pil = optional("PIL.Image")
     objects = LabelObjects(label=stars.label, voxels=stars.voxels, low=stars.low, high=stars.high)
     crop = crop_of(image, objects, i)
@@ -32,7 +38,8 @@ def label_picture(image: LabelImage, stars: LabelStars, i: int) -> bytes:
     for k, axis in enumerate((0,) if image.is_flat else (0, 1, 2)):
         across = [a for a in range(3) if a != axis]
         panel = _fitted(pil, _projection(seen, axis), (spacing[across[0]], spacing[across[1]]))
-        _mark(panel, np.argwhere((seen == CENTER).any(axis=axis))[0] + 0.5, seen.any(axis=axis).shape)
+        at = (np.argwhere((seen == CENTER).any(axis=axis))[0] + 0.5) / np.array([seen.shape[a] for a in across])
+        _mark(panel, at[1] * panel.width, at[0] * panel.height)
         page.paste(panel, ((k % 2) * _PANEL[0] + (_PANEL[0] - panel.width) // 2,
                            (k // 2) * _PANEL[1] + (_PANEL[1] - panel.height) // 2))  # fmt: skip
     if not image.is_flat:
@@ -60,16 +67,20 @@ def _fitted(pil: Any, picture: NDArray[np.uint8], spacing: tuple[float, float]) 
     return pil.fromarray(picture).resize(size, pil.Resampling.NEAREST)
 
 
-def _mark(panel: Any, at: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+def _mark(panel: Any, x: float, y: float) -> None:
     """Put a disc where the best centre is."""
-    x, y = at[1] / shape[1] * panel.width, at[0] / shape[0] * panel.height
     optional("PIL.ImageDraw").Draw(panel).ellipse((x - 4, y - 4, x + 4, y + 4), fill=_MARK, outline=(30, 40, 50))
 
 
 def _surface(pil: Any, crop: NDArray[np.uint8], seen: NDArray[np.uint8], spacing: tuple[float, ...]) -> Any:
     pyvista = optional("pyvista")
     first, second, third = spacing
-    mesh = surface_of(crop, (first, second, third))
+    try:
+        mesh = surface_of(crop, (first, second, third))
+    except VoxKernelError:  # a voxel or two shrink to a surface without volume
+        return _words(pil, _TOO_THIN)
+    if mesh.facts().volume < _LEFT * np.count_nonzero(crop) * first * second * third:
+        return _words(pil, _TOO_THIN)
     poly = mesh.to_polydata()
     at = np.clip(np.rint(mesh.vertices / np.array(spacing)).astype(np.int64), 1, np.array(crop.shape) - 2)
     near = np.stack([seen[tuple((at + step).T)] for step in _NEAR])  # the surface runs between voxels
@@ -82,9 +93,29 @@ def _surface(pil: Any, crop: NDArray[np.uint8], seen: NDArray[np.uint8], spacing
             plotter.add_mesh(poly, scalars="colour", rgb=True, smooth_shading=False)
             plotter.view_isometric()
             picture = np.asarray(plotter.screenshot(None, return_img=True))[..., :3]
+            x, y = _place(plotter, np.argwhere(seen == CENTER)[0] * np.array(spacing))
         finally:
             plotter.close()
-    return pil.fromarray(picture)
+    panel = pil.fromarray(picture)
+    _mark(panel, x, y)
+    return panel
+
+
+def _place(plotter: Any, point: NDArray[np.float64]) -> tuple[float, float]:
+    """Where a point of the world is in the picture, in pixels from its upper left."""
+    plotter.renderer.SetWorldPoint(*point.tolist(), 1.0)
+    plotter.renderer.WorldToDisplay()
+    at: Any = plotter.renderer.GetDisplayPoint()
+    return at[0], _PANEL[1] - at[1]
+
+
+def _words(pil: Any, words: str) -> Any:
+    """A panel with words in its middle."""
+    panel = pil.new("RGB", _PANEL, (255, 255, 255))
+    middle = (_PANEL[0] / 2, _PANEL[1] / 2)
+    draw = optional("PIL.ImageDraw").Draw(panel)
+    draw.multiline_text(middle, words, fill=_INK, anchor="mm", align="center", font_size=14)
+    return panel
 
 
 _NEAR = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,6 +28,7 @@ def object_summary(rows: ReportRows) -> dict[str, Any] | None:
     seen, upper = rows.numbers["voxels_seen"][ids], rows.numbers["voxels_seen_upper"][ids]
     reasons = rows.texts["shortfall"].taken(np.array(ids)).counts()
     reasons.pop("", None)
+    causes: Counter[str] = Counter(cause for own in rows.lists["causes"].taken(np.array(ids)) for cause in own or [])
     rays, exact, stepped = _overlaps(rows, ids)
     enough = [n for n, column in zip(rays, exact.T, strict=True) if (column >= _ENOUGH).mean() >= _SHARE]
     return {
@@ -37,6 +39,7 @@ def object_summary(rows: ReportRows) -> dict[str, Any] | None:
         "n_certified": int((seen == upper).sum()),
         "n_at_border": int((rows.numbers["touches_border"][ids] == 1.0).sum()),
         "shortfalls": {reason: n for reason, n in sorted(reasons.items(), key=lambda pair: (-pair[1], pair[0]))},
+        "causes": dict(sorted(causes.items(), key=lambda pair: (-pair[1], pair[0]))),
         "n_fine": len(ids) - sum(reasons.values()),
         "n_rays": list(rays),
         "n_with_rays": len(exact),

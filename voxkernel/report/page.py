@@ -35,8 +35,9 @@ _COLUMNS = (
     ("volume_share", "Volume share", "126px", CELL_SCORES[0].meaning),
     ("inradius_over_diameter", "Inradius / d.", "124px", CELL_SCORES[1].meaning),
     ("voxels_seen", "Seen", "88px", LABEL_SCORES[0].meaning),
-    ("shortfall", "Falls short by", "120px", "the first that holds: fragment, hole, hidden part, elongated"),
-    ("rays_for_80", "Rays for 0.8", "110px", "that bring the overlap to 0.8; 0: none of those tried"),
+    ("shortfall", "Falls short by", "120px", "the main cause; 'Details' lists all that hold"),
+    ("overlap", "Overlap", "92px", "largest intersection over union of up to 96 rays from the best voxel"),
+    ("rays_for_80", "Rays for 0.8", "110px", "that bring the overlap to 0.8; never: none of those tried"),
     ("voxels", "Voxels", "88px", ""),
     ("n_facets", "Facets", "88px", ""),
     ("seconds", "Seconds", "98px", ""),
@@ -44,6 +45,7 @@ _COLUMNS = (
     ("kind", "Kind", "", ""),
     ("cell", "Cell", "", ""),
     ("object", "Object", "", "number in the label image"),
+    ("shortfall_detail", "All causes", "", ""),
     ("verdict_reason", "Why not star-shaped", "", ""),
     ("notes", "Notes", "", ""),
     ("dimension", "Kernel dimension", "", ""),
@@ -91,8 +93,8 @@ _COLUMNS = (
     ("seen_deepest", "Seen from the deepest voxel", "", ""),
     ("seen_centroid", "Seen from the centroid", "", ""),
     ("n_rays", "Numbers of rays", "", ""),
-    ("iou", "Overlap", "", ""),
-    ("iou_stepped", "Overlap, as StarDist ends rays", "", ""),
+    ("iou", "Overlap of each", "", ""),
+    ("iou_stepped", "The same, as StarDist ends rays", "", ""),
     ("rays_for_90", "Rays for 0.9", "", ""),
     ("elongation", "Elongation", "", ""),
     ("n_fragments", "Fragments", "", ""),
@@ -105,8 +107,9 @@ _COLUMNS = (
     ("finished", "Finished", "", ""),
 )
 _TRUTHS = ("cut_by_domain", "certificate_verified", "is_closed", "is_oriented", "is_outward", "touches_border")
+_NEVER = ("rays_for_80", "rays_for_90")  # 0 where no number that was tried is enough
 _ON_REQUEST = ("class", "before", "ratio_change", "defect_change")  # with classes, or another run
-_WHOLE = ("verdict_reason", "notes")
+_WHOLE = ("verdict_reason", "shortfall_detail", "notes")
 _DIGITS = 6
 _ENDS, _FILE = 188, 240  # pixels of the columns at both ends, and at least of the file
 _WORST = 24  # pictures of objects
@@ -139,7 +142,7 @@ def render_page(
     filters: dict[str, Any] = environment.filters
     filters.update(
         px=_pixels, count=count, number=number, one_line=one_line, readable=readable,
-        shorten=shorten, shape_name=shape_name, pretty=_pretty, score_title=_score_title, time=_time,
+        percent=percent, shorten=shorten, shape_name=shape_name, pretty=_pretty, score_title=_score_title, time=_time,
     )  # fmt: skip
     shared = common_folder(rows)
     scripts = [read("report_viewer.js"), read("report.js")] if chosen else [read("report.js")]
@@ -172,6 +175,8 @@ def table_data(rows: ReportRows, pictures: Pictures) -> dict[str, Any]:
         if key not in ("file", "outcome") and all(value == empty for value in values):
             continue
         entry: dict[str, Any] = {"key": key, "title": title, "kind": kind, "width": width, "hint": hint}
+        if key in _NEVER:
+            entry["zero"] = "never"
         distinct = list(dict.fromkeys(values))
         if 2 * len(distinct) < len(values):
             place = {value: k for k, value in enumerate(distinct)}
@@ -233,7 +238,8 @@ def _rounded(value: float) -> float | int | None:
         return None
     if value == int(value) and abs(value) < 2**53:
         return int(value)
-    return float(f"{value:.{_DIGITS}g}")
+    short = float(f"{value:.{_DIGITS}g}")
+    return value if short == int(short) else short  # what is not whole stays so: 1 means that all is seen
 
 
 def _headline(summary: dict[str, Any]) -> str:
@@ -301,7 +307,7 @@ def _card(rows: ReportRows, pictures: Pictures, i: int, folder: str) -> dict[str
     words = [rows.outcome[i]]
     seen = rows.numbers["voxels_seen"][i]
     if np.isfinite(seen):
-        words = [f"{seen:.1%} seen", rows.texts["shortfall"][i] or "fine"]
+        words = [f"{percent(float(seen), 1.0)} seen", rows.texts["shortfall"][i] or "fine"]
     elif rows.outcome[i] == "star-shaped" and np.isfinite(ratio):
         words.append(f"ratio {number(float(ratio), 3)}")
     elif np.isfinite(defect) and defect > 0.0:

@@ -78,7 +78,7 @@ def count(value: int) -> str:
     return f"{value:,}"
 
 
-def percent(part: int, whole: int) -> str:
+def percent(part: float, whole: float) -> str:
     """Format a share; never 0 % or 100 % where it is not so."""
     if not whole:
         return "–"

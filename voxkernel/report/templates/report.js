@@ -12,10 +12,14 @@ let pictures = null, order = [], sortKey = "", rising = true;
 
 // ---------------------------------------------------------------- values
 function value(c, i) { const v = c.values[i]; return c.words ? c.words[v] : v; }
+// The number that filters and sorting go by: "never" is more than any.
+function amount(c, i) { const v = value(c, i); return c.zero && v === 0 ? Infinity : v; }
 function text(c, i) {
   const v = value(c, i);
   if (v === null || v === undefined || v === "") return c.kind === "text" ? "" : "–";
   if (c.kind === "truth") return v ? "yes" : "no";
+  if (c.zero && v === 0) return c.zero;
+  if (c.kind === "number" && Math.abs(v) !== 1 && Math.abs(+v.toPrecision(4)) === 1) return (v < +v.toPrecision(4) ? "< " : "> ") + +v.toPrecision(4);
   if (c.kind === "number") return Number.isInteger(v) ? v.toLocaleString("en-US") : Math.abs(v) < 1e-3 ? v.toExponential(2) : String(+v.toPrecision(4));
   return String(v);
 }
@@ -131,7 +135,9 @@ const oneWord = (words) => words.replace(/\b(object|cell)\s+(\d+)/gi, "$1_$2.");
 sort.closest("label").hidden = !data.kinds.length;
 // Several kinds are not listed together: surfaces come first, the others on request.
 if (data.kinds.includes("surface")) sort.value = "surface";
-const OTHER = { defect: "violation_upper", visible: "visible_fraction", verdict: "outcome", seen: "voxels_seen" };
+const OTHER = { defect: "violation_upper", visible: "visible_fraction", verdict: "outcome", seen: "voxels_seen", iou: "overlap" };
+// A number that no object has is taken for the beginning of one.
+function known(word) { return /^(object|cell)_\d+\.$/.test(word) && !haystack.some((h) => h.includes(word)) ? word.slice(0, -1) : word; }
 const simple = (s) => s.toLowerCase().replace(/[^a-z0-9]/g, "");
 function comparison(word) {
   const m = /^([a-z][a-z0-9_.]*)(<=|>=|<|>|=)([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)$/i.exec(word);
@@ -140,17 +146,17 @@ function comparison(word) {
   const c = column[OTHER[name] || name] || data.columns.find((d) => simple(d.title) === simple(name));
   if (!c || c.kind !== "number") return { unknown: m[1] };
   const ok = { "<": (v) => v < limit, ">": (v) => v > limit, "<=": (v) => v <= limit, ">=": (v) => v >= limit, "=": (v) => v === limit }[m[2]];
-  return { test: (i) => { const v = value(c, i); return v !== null && v !== undefined && ok(v); } };
+  return { test: (i) => { const v = amount(c, i); return v !== null && v !== undefined && ok(v); } };
 }
 const haystack = new Array(data.n);
-for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "verdict_reason", "notes", "class", "before"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
+for (let i = 0; i < data.n; i++) haystack[i] = ["file", "label", "reason", "shortfall", "shortfall_detail", "verdict_reason", "notes", "class", "before"].map((k) => column[k] ? value(column[k], i) : "").concat(oneWord(part(i))).join(" ").toLowerCase();
 for (const name of data.labels) { const o = element("option", "", name || "(none)"); o.value = name; label.append(o); }
 label.closest("label").hidden = data.labels.length < 2;
 const collator = new Intl.Collator("en", { numeric: true });
 function compare(c) {
   const sign = rising ? 1 : -1;
   return (a, b) => {
-    const x = value(c, a), y = value(c, b), noX = x === null || x === "" || x === undefined, noY = y === null || y === "" || y === undefined;
+    const x = amount(c, a), y = amount(c, b), noX = x === null || x === "" || x === undefined, noY = y === null || y === "" || y === undefined;
     if (noX || noY) return noX - noY || a - b;
     return sign * (c.kind === "text" ? collator.compare(x, y) : x - y) || a - b;
   };
@@ -158,7 +164,7 @@ function compare(c) {
 function update() {
   const words = oneWord(search.value.trim()).replace(/\s*(<=|>=|<|>|=)\s*(?=[-+.0-9])/g, "$1").split(/\s+/).filter(Boolean);
   const kind = outcome.value, own = label.selectedIndex > 0 ? label.value : null, tests = words.map(comparison);
-  const wanted = words.filter((_, k) => !tests[k]).map((w) => w.toLowerCase()), compared = tests.filter((t) => t && t.test);
+  const wanted = words.filter((_, k) => !tests[k]).map((w) => known(w.toLowerCase())), compared = tests.filter((t) => t && t.test);
   const unknown = tests.filter((t) => t && t.unknown).map((t) => t.unknown);
   useColumns(data.kinds.length ? sort.value : "");
   order = [];
