@@ -13,11 +13,12 @@ from voxkernel._core import (
     StarRaster,
     StopFlag,
     best_voxel,
+    fill_holes,
     label_parts,
     line_counts,
     ray_lengths,
     visible_voxels,
-)  # fmt: skip
+)
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
 from voxkernel.labels.reasons import Hidden
@@ -99,12 +100,8 @@ def _behind_holes(
 
     A fragment in a hole stays a fragment: no more is counted than what the largest fragment has.
     """
-    from scipy.ndimage import binary_fill_holes
-
-    inner = slice(1, 2) if flat else slice(None)  # the layers above and below a flat object are no way out
-    filled = np.zeros_like(crop)
-    filled[inner] = np.reshape(np.asarray(binary_fill_holes(crop[inner].squeeze())), crop[inner].shape)
-    seen = np.empty_like(crop)
+    filled, seen = np.empty_like(crop), np.empty_like(crop)
+    fill_holes(crop, flat, filled, stop)
     visible_voxels(filled, flat, center, seen, stop)
     return min(int(np.count_nonzero(seen & crop)), largest) - n_seen
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -68,7 +69,7 @@ def reason_of(hidden: Hidden, elongation: float, n_rays: tuple[int, ...], iou: t
         causes.append((hidden.bent / whole, "hidden part", words))
     most, best = best_overlap(n_rays, iou)
     if best < ENOUGH[0] and (best < ENOUGH[0] * seen or seen - best > hidden.total / whole):
-        reach = f"they reach an overlap of {min(best, 0.799):.3f}"
+        reach = f"they reach an overlap of {math.floor(1000 * best) / 1000:.3f}"
         if causes and elongation < _LONG:  # from the middle they would do
             causes.append((0.0, "few rays", f"{most} rays are too few from the best voxel: {reach}"))
         else:
