@@ -147,11 +147,12 @@ def test_command(tmp_path, capsys, monkeypatch):
     ):
         assert main(["labels", "scene.npy", "-o", "out", *wrong]) == 2
         assert line in capsys.readouterr().err
-    for name, words in (("x.png", "'x.png' must end in .tif, .tiff"), ("no/x.tif", "must be in an existing folder")):
+    for name, words in (("x.png", "--map must end in .tif, .tiff"), ("no/x.tif", "--map must be in an existing")):
         assert main(["labels", "scene.npy", "--spacing", "1,1,1", "-o", "new", "--map", name]) == 2
         assert words in capsys.readouterr().err
         assert not (tmp_path / "new").exists()  # seen before anything is computed
-    assert main(["labels", "a.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
+    np.save("b.npy", scene())
+    assert main(["labels", "scene.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
     assert "--map must be given with one image; got 2" in capsys.readouterr().err
 
 

@@ -45,23 +45,21 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import EvaluateSettings, evaluate
     from voxkernel.evaluation.inputs import BadInput
-    from voxkernel.labels import check_target, is_label_file
+    from voxkernel.labels import is_label_file
     from voxkernel.report import write_report
 
-    if args.map is not None and len(args.images) != 1:
-        raise UsageError(f"--map must be given with one image; got {len(args.images)}")
     for path in args.images:
         if Path(path).is_file() and not is_label_file(path):
             raise UsageError(f"IMAGE must be a label image; got '{display(path)}'")
     try:
-        if args.map is not None:
-            check_target(args.map)
         settings = EvaluateSettings(
             **label_options(args), label_images=True, thumbnails=not args.no_pictures, workers=args.workers,
             timeout=args.timeout or None, csv=args.csv,
         )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise UsageError(str(error)) from error
+    if args.map is not None:
+        _check_map(args)
     try:
         with shown(quiet=args.quiet) as progress:
             result = evaluate(args.images, output=args.output, settings=settings, progress=progress)
@@ -84,6 +82,25 @@ def run(args: argparse.Namespace) -> int:
         words.append(f"{result.n_failed} of {result.n_ok + result.n_failed} images failed")
     print(f"{display(args.output)}: {'; '.join(words)}")
     return 1 if result.n_failed else 0
+
+
+def _check_map(args: argparse.Namespace) -> None:
+    """Refuse a map that is of no single image, or that would take its place, before anything is computed."""
+    from voxkernel.evaluation.inputs import BadInput, find_items
+    from voxkernel.labels import check_target
+
+    try:
+        items = find_items(args.images, label_images=True)
+    except BadInput as error:
+        raise UsageError(str(error)) from error
+    try:
+        check_target(args.map, [item.url for item in items])
+    except ValueError as error:
+        raise UsageError(f"--map {str(error).removeprefix('`path` ')}") from error
+    if len(items) != 1:
+        raise UsageError(f"--map must be given with one image; got {len(items) or 'none'}")
+    if "://" in items[0].url:
+        raise UsageError(f"--map must be given with an image on this machine; got '{display(items[0].url)}'")
 
 
 def _words(objects: Any) -> str:

@@ -63,13 +63,20 @@ def write_labels(path: str | os.PathLike[str], values: NDArray[Any], *, spacing:
             np.savez_compressed(stream, labels=array, spacing=np.array(steps))
 
 
-def check_target(path: str | os.PathLike[str]) -> Path:
-    """Refuse a name that `write_labels` cannot write, before anything is computed for it."""
+def check_target(path: str | os.PathLike[str], images: Sequence[str | os.PathLike[str]] = ()) -> Path:
+    """Refuse a name that `write_labels` cannot write, or that is one of the images, before anything is computed."""
     target = as_path("path", path)
     if not target.name.lower().endswith(_SUFFIXES):
         raise ValueError(f"`path` must end in {', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}; got '{target}'")
     if not target.absolute().parent.is_dir():
         raise ValueError(f"`path` must be in an existing folder; got '{target}'")
+    if target.is_dir():
+        raise ValueError(f"`path` must be a file; got the folder '{target}'")
+    places = [place for place in (target, *target.resolve().parents) if place.exists()]
+    for image in images:
+        file = Path(os.fspath(image).partition("::")[0])
+        if file.exists() and any(place.samefile(file) for place in places):
+            raise ValueError(f"`path` must not be the image itself, nor in it; got '{target}'")
     return target
 
 

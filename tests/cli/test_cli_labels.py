@@ -1,0 +1,61 @@
+"""`voxkernel labels --map`: what it is painted from, where it lies, and what it must not overwrite."""
+
+import os
+
+import label_shapes
+import numpy as np
+import pytest
+
+from voxkernel.cli.main import main
+
+RUN = ("-o", "run", "--workers", "1", "--no-pictures", "--rays", "32", "-q")
+
+
+@pytest.fixture
+def volume(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return label_shapes.c_shape().astype(np.uint8)
+
+
+def refused(capsys, *words):
+    assert main(["labels", *words]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert not os.path.exists("run")  # before anything is computed
+    return said.err
+
+
+def test_a_map_never_takes_the_place_of_its_image(tmp_path, volume, capsys):
+    np.savez("image.npz", labels=volume, spacing=(1.0, 1.0, 1.0))
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "here").symlink_to(".")
+    (tmp_path / "link.npz").symlink_to("image.npz")
+    (tmp_path / "hard.npz").hardlink_to("image.npz")
+    data = (tmp_path / "image.npz").read_bytes()
+    for image, target in (
+        ("image.npz", "image.npz"), ("image.npz", "./sub/../image.npz"), ("image.npz", "here/image.npz"),
+        ("link.npz", "image.npz"), ("image.npz", "link.npz"), ("image.npz", "hard.npz"), ("image.np?", "image.npz"),
+        ("image.npz::labels", str(tmp_path / "image.npz")), (".", "image.npz"),
+    ):  # fmt: skip
+        said = refused(capsys, image, *RUN, "--map", target)
+        assert f"--map must not be the image itself, nor in it; got '{target.removeprefix('./')}'" in said
+    np.savez("other.npz", labels=volume, spacing=(1.0, 1.0, 1.0))
+    assert "--map must not be the image" in refused(capsys, "other.npz", "image.npz", *RUN, "--map", "image.npz")
+    assert (tmp_path / "image.npz").read_bytes() == data
+    (tmp_path / "image.zarr" / "labels").mkdir(parents=True)
+    (tmp_path / "into").symlink_to("image.zarr/labels")
+    for target in ("image.zarr/a.tif", "image.zarr/labels/a.tif", "into/a.tif"):
+        assert "nor in it" in refused(capsys, "image.zarr::labels/a", *RUN, "--map", target)
+
+
+def test_a_map_is_of_one_image(volume, capsys):
+    for name in ("a.npy", "b.npy"):
+        np.save(name, volume)
+    assert "--map must be given with one image; got 2" in refused(capsys, "*.npy", *RUN, "--map", "m.tif")
+    assert "--map must be given with one image; got 2" in refused(capsys, ".", *RUN, "--map", "m.tif")
+    assert "--map must end in .tif, .tiff, .nii, .nii.gz or .npz; got 'q.png'" in refused(
+        capsys, "a.npy", *RUN, "--map", "q.png"
+    )
+    os.mkdir("m.tif")
+    assert "--map must be a file; got the folder 'm.tif'" in refused(capsys, "a.npy", *RUN, "--map", "m.tif")
