@@ -12,8 +12,9 @@ from voxkernel._input_file import input_file
 from voxkernel.errors import GridReadError, VoxKernelError
 from voxkernel.labels.label_image import LabelImage
 from voxkernel.labels.read_medical import read_nifti, read_nrrd
-from voxkernel.labels.read_stores import read_hdf5, read_npy, read_npz, read_zarr
+from voxkernel.labels.read_stores import read_hdf5, read_npy, read_npz
 from voxkernel.labels.read_tiff import read_tiff
+from voxkernel.labels.read_zarr import read_zarr
 
 __all__ = ["SUFFIXES", "is_label_file", "read_labels"]
 
@@ -38,7 +39,8 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     path : path
         `.tif` (of ImageJ, OME or plain), `.nii`, `.nii.gz`, `.nrrd`, `.npy`, `.npz`, `.h5` or `.zarr` (OME-Zarr).
         Behind ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there
-        are several.
+        are several. Of an OME-Zarr image with a group `labels` its label image is read, not its intensities; where it
+        has several, ``image.zarr::labels/nuclei`` names one.
     spacing : sequence of float, optional
         Distance of voxel centres along each axis, in the order of the axes; by default what the file stores.
 
