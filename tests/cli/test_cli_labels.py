@@ -59,3 +59,20 @@ def test_a_map_is_of_one_image(volume, capsys):
     )
     os.mkdir("m.tif")
     assert "--map must be a file; got the folder 'm.tif'" in refused(capsys, "a.npy", *RUN, "--map", "m.tif")
+
+
+def test_a_map_lies_over_its_image(volume, capsys):
+    nibabel = pytest.importorskip("nibabel")
+    nrrd = pytest.importorskip("nrrd")
+    affine = np.array([[0, 0, -0.25, 1.5], [-2.0, 0, 0, 2.25], [0, 0.5, 0, -3.0], [0, 0, 0, 1]])
+    nibabel.save(nibabel.Nifti1Image(volume, affine), "a.nii.gz")
+    lps = affine[:3] * [[-1], [-1], [1]]
+    header = {"space": "LPS", "space directions": lps[:, :3].T, "space origin": lps[:, 3]}
+    nrrd.write("a.nrrd", volume, header)
+    for name in ("a.nii.gz", "a.nrrd"):
+        for spacing in ([], ["--spacing", "1,1,1"]):
+            assert main(["labels", name, *RUN, *spacing, "--map", "m.nii.gz"]) == 0
+            capsys.readouterr()
+            painted = nibabel.load("m.nii.gz")
+            assert np.array_equal(painted.affine, affine)
+            assert np.array_equal(np.asarray(painted.dataobj) != 0, volume != 0)

@@ -116,4 +116,4 @@ def _write_map(args: argparse.Namespace, settings: Any) -> None:
     from voxkernel.labels import label_stars, paint_labels, read_labels, write_labels
 
     image = read_labels(args.images[0], spacing=settings.spacing)
-    write_labels(args.map, paint_labels(image, label_stars(image, n_rays=(32,))), spacing=image.spacing)
+    write_labels(args.map, paint_labels(image, label_stars(image, n_rays=(32,))), like=image)

@@ -9,24 +9,25 @@ from typing import Any
 import numpy as np
 
 from voxkernel._extras import optional
+from voxkernel.labels.stored import Stored
 
 __all__ = ["read_hdf5", "read_npy", "read_npz"]
 
 
-def read_npy(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
+def read_npy(path: str, _: str) -> Stored:
     """Map the file."""
-    return np.load(path, mmap_mode="r", allow_pickle=False), None
+    return Stored(np.load(path, mmap_mode="r", allow_pickle=False))
 
 
-def read_npz(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
+def read_npz(path: str, inside: str) -> Stored:
     """Read one array, and an array `spacing` where there is one."""
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
         names = [name for name in file.files if name != "spacing"]
         array = file[_the_one(names, inside)]
-        return array, file["spacing"].tolist() if "spacing" in file.files else None
+        return Stored(array, file["spacing"].tolist() if "spacing" in file.files else None)
 
 
-def read_hdf5(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
+def read_hdf5(path: str, inside: str) -> Stored:
     """Open a data set; `element_size_um` (ilastik, PlantSeg) or `spacing` of it are its spacing."""
     h5py = optional("h5py")
     file = h5py.File(path, "r")
@@ -40,8 +41,9 @@ def read_hdf5(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
     data = file[_the_one(names, inside)]
     for attribute in ("element_size_um", "spacing"):
         if attribute in data.attrs:
-            return data, [float(n) for n in np.ravel(data.attrs[attribute])]
-    return data, None
+            steps = [float(n) for n in np.ravel(data.attrs[attribute])]
+            return Stored(data, steps, "um" if attribute.endswith("_um") else None)
+    return Stored(data)
 
 
 def _the_one(names: Sequence[str], inside: str) -> str:

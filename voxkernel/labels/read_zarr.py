@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from voxkernel._extras import optional
+from voxkernel.labels.stored import Stored, in_one_unit, unit_name
 
 __all__ = ["read_zarr"]
 
 
-def read_zarr(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
+def read_zarr(path: str, inside: str) -> Stored:
     """Open an array, or the finest one of an OME-Zarr label image, with the spacing of its `multiscales`."""
     zarr = optional("zarr")
     store = zarr.open(path, mode="r")
@@ -30,7 +31,7 @@ def read_zarr(path: str, inside: str) -> tuple[Any, Sequence[float] | None]:
     return _array(thing, above, inside)
 
 
-def _of_group(group: Any, where: str) -> tuple[Any, Sequence[float] | None]:
+def _of_group(group: Any, where: str) -> Stored:
     """A label image, that of an image, the only one of the group `labels`, or the only thing there is."""
     scales = _multiscales(group)
     labels = group["labels"] if "labels" in group and hasattr(group["labels"], "groups") else None
@@ -42,7 +43,7 @@ def _of_group(group: Any, where: str) -> tuple[Any, Sequence[float] | None]:
     return _only(group, _names(group), where, "label images" if "labels" in _facts(group) else "arrays")
 
 
-def _only(group: Any, names: Sequence[str], where: str, kind: str) -> tuple[Any, Sequence[float] | None]:
+def _only(group: Any, names: Sequence[str], where: str, kind: str) -> Stored:
     """The one thing of a group, or a line that lists what there is."""
     paths = [f"{where}/{name}".lstrip("/") for name in names]
     if len(names) != 1:
@@ -80,19 +81,25 @@ def _multiscales(group: Any) -> Mapping[str, Any] | None:
     return scales[0] if scales else None
 
 
-def _array(array: Any, above: Sequence[tuple[Any, str]], where: str) -> tuple[Any, Sequence[float] | None]:
+def _array(array: Any, above: Sequence[tuple[Any, str]], where: str) -> Stored:
     """An array with its own spacing, or that which an image around it gives."""
     n_axes = len(array.shape)
     own = array.attrs.get("spacing")
-    spacing = None if own is None else [float(n) for n in own]
+    spacing, axes = None if own is None else [float(n) for n in own], []
     for group, name in above if own is None else ():
         scales = _multiscales(group)
         found = [d for d in scales["datasets"] if str(d["path"]).strip("/") == name] if scales else []
         if scales and found:
             both = [*found[0].get("coordinateTransformations", []), *scales.get("coordinateTransformations", [])]
             spacing = _scale(both, n_axes)
+            axes = [axis if isinstance(axis, dict) else {} for axis in scales.get("axes", [])]
             break
-    return _without_extra_axes(array, spacing)
+    n = _extra_axes(array.shape)
+    voxels = _Squeezed(array, n) if n else array
+    if spacing is None:
+        return Stored(voxels)
+    units = [unit_name(axis.get("unit")) for axis in axes] if len(axes) == n_axes else [None] * n_axes
+    return in_one_unit(voxels, spacing[n:], units[n:])
 
 
 def _scale(transformations: Sequence[Mapping[str, Any]], n_axes: int) -> list[float] | None:
@@ -117,8 +124,7 @@ class _Squeezed:
         return self.array[(0,) * self.n + tuple(box)]
 
 
-def _without_extra_axes(array: Any, spacing: list[float] | None) -> tuple[Any, list[float] | None]:
-    n = len(array.shape) - 3
-    if n <= 0 or any(m != 1 for m in array.shape[:n]):
-        return array, spacing
-    return _Squeezed(array, n), None if spacing is None else spacing[n:]
+def _extra_axes(shape: Sequence[int]) -> int:
+    """How many leading axes of length 1 there are beyond three."""
+    n = max(0, len(shape) - 3)
+    return n if all(m == 1 for m in shape[:n]) else 0
