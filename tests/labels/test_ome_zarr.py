@@ -116,3 +116,37 @@ def test_scales_that_do_not_fit_are_asked_for(tmp_path, labels, version):
     with pytest.raises(ValueError, match="`spacing` must be given"):
         read_labels(f"{tmp_path}/a.zarr")
     same(read_labels(f"{tmp_path}/a.zarr", spacing=SPACING), labels)
+
+
+def test_units_and_axes(tmp_path, labels, version):
+    def store(name, axes):
+        root = zarr.open_group(str(tmp_path / name), mode="w", zarr_format=version)
+        image(root, labels, version=version)
+        facts = root.attrs.asdict()
+        scales = (facts if version == 2 else facts["ome"])["multiscales"][0]
+        scales["axes"] = axes
+        root.attrs.update(facts)
+        return str(tmp_path / name)
+
+    def space(*units):
+        return [{"name": n, "type": "space", **({"unit": u} if u else {})} for n, u in zip("zyx", units, strict=True)]
+
+    for axes, unit, spacing in (
+        (space(None, None, None), None, SPACING), (space("nanometer", "nanometer", "nanometer"), "nm", SPACING),
+        (space("micrometer", "nanometer", "angstrom"), "um", (2.0, 0.5e-3, 0.25e-4)), (["z", "y", "x"], None, SPACING),
+        ([{"name": "top", "type": "space"}, {"name": "cross"}, {}], None, SPACING),
+    ):  # fmt: skip
+        found = read_labels(store("a.zarr", axes))
+        same(found, labels, spacing)
+        assert found.unit == unit
+    mixed = store("a.zarr", space("micrometer", "parsnip", "micrometer"))
+    with pytest.raises(ValueError, match=r"`spacing` must be given: '.*' stores it in different units, parsnip and um"):
+        read_labels(mixed)
+    same(read_labels(mixed, spacing=SPACING), labels)
+    for axes, words in (
+        ([{"name": "t", "type": "time"}, *space("um", "um", "um")[1:]], "6 time points, not of one volume: axes TYX"),
+        ([{"name": "a", "type": "channel"}, *space("um", "um", "um")[1:]], "6 channels, not of one volume: axes CYX"),
+        (["c", "y", "x"], "6 channels"),
+    ):
+        with pytest.raises(GridReadError, match=words):
+            read_labels(store("a.zarr", axes), spacing=SPACING)

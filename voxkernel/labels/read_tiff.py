@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
-from voxkernel.labels.stored import Stored, in_one_unit, unit_name
+from voxkernel.labels.stored import Stored, check_axes, in_one_unit, unit_name
 
 __all__ = ["read_tiff"]
 
@@ -73,6 +73,8 @@ def read_tiff(path: str, _: str) -> Stored:
         kept = [k for k, n in enumerate(series.shape) if n > 1] if len(series.shape) > 3 else range(len(series.shape))
         axes = "".join(series.axes[k] for k in kept)
         shape = tuple(int(series.shape[k]) for k in kept)
+        if len(kept) <= 3:
+            check_axes(axes.replace("C", "Q") if _is_stack(file) else axes, shape)
         stored = _ome_spacing(file, axes) if file.is_ome else _imagej_spacing(file, axes)
         n_pages, dtype = len(series.pages), series.dtype
         is_plain = series.dataoffset is not None
@@ -82,6 +84,11 @@ def read_tiff(path: str, _: str) -> Stored:
     if whole is None:
         whole = tifffile.memmap(path, mode="r", series=0).reshape(shape) if is_plain else _Pages(path, shape, dtype)
     return stored._replace(voxels=whole)
+
+
+def _is_stack(file: Any) -> bool:
+    """Whether the channels of a file may be slices: tifffile writes so as ImageJ where it is not told the axes."""
+    return bool(file.imagej_metadata) and file.imagej_metadata.get("mode") == "grayscale"
 
 
 def _imagej_spacing(file: Any, axes: str) -> Stored:
@@ -98,7 +105,7 @@ def _imagej_spacing(file: Any, axes: str) -> Stored:
                 known[axis] = below / above
     if facts.get("spacing"):
         known["Z"] = abs(float(facts["spacing"]))
-    names = [axis if axis in "YX" else "Z" for axis in axes]
+    names = [axis if axis in "YXC" else "Z" for axis in axes]
     if not all(name in known for name in names):
         return Stored(None)
     units = {axis: unit_name(facts.get(key) or facts.get("unit")) for axis, key in zip("ZYX", _UNITS, strict=True)}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from voxkernel._extras import optional
-from voxkernel.labels.stored import Stored, in_one_unit, unit_name
+from voxkernel.labels.stored import Stored, check_axes, in_one_unit, unit_name
 
 __all__ = ["read_zarr"]
 
@@ -92,10 +92,12 @@ def _array(array: Any, above: Sequence[tuple[Any, str]], where: str) -> Stored:
         if scales and found:
             both = [*found[0].get("coordinateTransformations", []), *scales.get("coordinateTransformations", [])]
             spacing = _scale(both, n_axes)
-            axes = [axis if isinstance(axis, dict) else {} for axis in scales.get("axes", [])]
+            axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in scales.get("axes", [])]
             break
     n = _extra_axes(array.shape)
     voxels = _Squeezed(array, n) if n else array
+    if len(axes) == n_axes and n_axes - n <= 3:
+        check_axes("".join(map(_letter, axes[n:])), array.shape[n:])
     if spacing is None:
         return Stored(voxels)
     units = [unit_name(axis.get("unit")) for axis in axes] if len(axes) == n_axes else [None] * n_axes
@@ -122,6 +124,13 @@ class _Squeezed:
 
     def __getitem__(self, box: tuple[slice, ...]) -> Any:
         return self.array[(0,) * self.n + tuple(box)]
+
+
+def _letter(axis: Mapping[str, Any]) -> str:
+    """T for time, C for channels, else what the axis is called."""
+    name = str(axis.get("name", "?"))
+    kind = str(axis.get("type") or {"t": "time", "c": "channel"}.get(name, ""))
+    return {"time": "T", "channel": "C"}.get(kind, name[:1].upper().translate({84: "?", 67: "?"}))
 
 
 def _extra_axes(shape: Sequence[int]) -> int:

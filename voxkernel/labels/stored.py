@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Stored", "in_one_unit", "unit_name"]
+__all__ = ["Stored", "check_axes", "in_one_unit", "unit_name"]
 
 
 class Stored(NamedTuple):
@@ -36,9 +36,17 @@ _PREFIXES = {
     "hecto": "h", "deca": "da", "": "",
 }  # fmt: skip
 _WORDS = {
-    "micron": "um", "ångström": "angstrom", "ångstrom": "angstrom", "å": "angstrom",
-    "inch": "in", "inche": "in", "foot": "ft", "feet": "ft", "yard": "yd", "mile": "mi",
+    "micron": "um", "angstroms": "angstrom", "ångström": "angstrom", "å": "angstrom", "inch": "in", "inche": "in",
+    "foot": "ft", "feet": "ft", "yard": "yd", "mile": "mi",
 }  # fmt: skip
+
+
+def check_axes(names: str, shape: Sequence[int]) -> None:
+    """Refuse what is no one image of space: time points or channels would be taken for slices."""
+    for letter, words in (("T", "time points"), ("C", "channels")):
+        n = dict(zip(names, shape, strict=True)).get(letter, 1)
+        if n > 1:
+            raise ValueError(f"an image of {n} {words}, not of one volume: axes {names}; slices must be called Z")
 
 
 def unit_name(words: object) -> str | None:
