@@ -1,11 +1,13 @@
 """`voxkernel labels --map`: what it is painted from, where it lies, and what it must not overwrite."""
 
 import os
+import sys
 
 import label_shapes
 import numpy as np
 import pytest
 
+import voxkernel
 from voxkernel.cli.main import main
 
 RUN = ("-o", "run", "--workers", "1", "--no-pictures", "--rays", "32", "-q")
@@ -76,3 +78,41 @@ def test_a_map_lies_over_its_image(volume, capsys):
             painted = nibabel.load("m.nii.gz")
             assert np.array_equal(painted.affine, affine)
             assert np.array_equal(np.asarray(painted.dataobj) != 0, volume != 0)
+
+
+def test_a_map_is_painted_from_the_rows_of_the_run(volume, capsys, monkeypatch):
+    image = np.zeros((12, 40, 60), np.uint16)
+    image[: volume.shape[0], : volume.shape[1], : volume.shape[2]] = volume
+    for k, (j, i) in enumerate(np.ndindex(12, 19), 2):  # in two parts, with the bracket above
+        image[9:12, 3 * j : 3 * j + 2, 3 * i : 3 * i + 2] = k
+    np.save("image.npy", image)
+    words = ["labels", "image.npy", *RUN, "--spacing", "2,1,1"]
+    stars = voxkernel.label_stars(image, spacing=(2, 1, 1), n_rays=(32,))
+    assert len(stars) == 229
+    module = sys.modules["voxkernel.labels.label_stars"]  # its name in the package is the function
+    monkeypatch.setattr(module, "stars_of", None)  # it is not computed in this process
+    for _ in range(2):  # the second time the rows are there
+        assert main([*words, "--map", "m.npz"]) == 0
+        capsys.readouterr()
+        assert np.array_equal(voxkernel.read_labels("m.npz").to_array(), voxkernel.paint_labels(image, stars))
+        os.remove("m.npz")
+    np.save("other.npy", image[:, :, ::-1])  # rows of another image in the same run
+    assert main(["labels", "other.npy", *RUN, "--spacing", "2,1,1"]) == 0
+    assert main([*words, "--map", "m.npz"]) == 0
+    assert np.array_equal(voxkernel.read_labels("m.npz").to_array(), voxkernel.paint_labels(image, stars))
+    capsys.readouterr()
+
+
+def test_maps_of_flat_empty_and_failed_images(volume, capsys):
+    np.save("flat.npy", volume.max(axis=0))
+    assert main(["labels", "flat.npy", *RUN, "--spacing", "1,1", "--map", "m.npz"]) == 0
+    stars = voxkernel.label_stars(volume.max(axis=0), spacing=(1, 1), n_rays=(32,))
+    assert np.array_equal(voxkernel.read_labels("m.npz").to_array(), voxkernel.paint_labels(volume.max(axis=0), stars))
+    np.save("empty.npy", 0 * volume)
+    assert main(["labels", "empty.npy", *RUN, "--spacing", "1,1,1", "--map", "e.npz"]) == 0
+    assert not voxkernel.read_labels("e.npz").to_array().any()
+    np.save("wrong.npy", volume - 0.5)
+    capsys.readouterr()
+    assert main(["labels", "wrong.npy", *RUN, "--spacing", "1,1,1", "--map", "w.npz"]) == 1
+    assert not os.path.exists("w.npz")
+    assert capsys.readouterr().err.count("\n") == 1

@@ -141,7 +141,8 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert main(["labels", "scene.npy", "-o", "other", "--workers", "1", "-q"]) == 1
     assert "`spacing` must be given" in read_rows("other")["reason"][0].as_py()
     for wrong, line in (
-        (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
+        (["--spacing", "1,x"], "--spacing must be numbers with commas between; got '1,x' ("),
+        (["--rays", "32,9.5"], "--rays must be integers with commas between; got '32,9.5' ("),
         (["--spacing", "1,0,1"], "--spacing must be > 0; got 0"),
         (["--rays", "2"], "--rays must be in 4..4096; got 2"),
     ):

@@ -170,6 +170,18 @@ def test_files_that_are_no_label_images(tmp_path, volume, name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", [".tif", ".nii", ".nii.gz", ".nrrd", ".npy", ".npz", ".h5"])
+def test_an_empty_file_is_called_empty(tmp_path, suffix):
+    (tmp_path / f"a{suffix}").touch()
+    with pytest.raises(GridReadError, match=f"a{suffix}' cannot be read as {suffix}: the file is empty$"):
+        read_labels(tmp_path / f"a{suffix}", spacing=SPACING)
+    (tmp_path / "b.nrrd").write_bytes(b"NRRD0004\n")
+    with pytest.raises(GridReadError) as caught:
+        read_labels(tmp_path / "b.nrrd", spacing=SPACING)
+    assert "StopIteration" not in str(caught.value)
+    assert not str(caught.value).rstrip().endswith(":")
+
+
 @pytest.mark.parametrize("name", [name for name in WRITERS if "zarr" not in name])
 def test_cut_files_are_refused(tmp_path, volume, name):
     """Wherever a file ends too early, no voxels are made up for those that are gone."""

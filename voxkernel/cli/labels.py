@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
 from voxkernel.cli.messages import option_names, spoken
-from voxkernel.cli.output import UsageError, display, report_error
+from voxkernel.cli.output import UsageError, display, report_error, say
+
+if TYPE_CHECKING:
+    from voxkernel.evaluation.inputs import Item
 
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
@@ -58,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise UsageError(str(error)) from error
-    if args.map is not None:
-        _check_map(args)
+    mapped = None if args.map is None else _image_to_map(args)
     try:
         with shown(quiet=args.quiet) as progress:
             result = evaluate(args.images, output=args.output, settings=settings, progress=progress)
@@ -69,9 +71,9 @@ def run(args: argparse.Namespace) -> int:
     page = Path(args.output) / "report.html"
     with args.stage("writing the report"):
         summary = write_report(page, args.output)
-    if args.map is not None:
-        with args.stage(f"writing {display(args.map)}"):
-            _write_map(args, settings)
+    if mapped is not None:
+        with args.stage(f"writing {display(str(args.map))}"):
+            _write_map(args, settings, mapped, is_whole=not result.n_failed)
     names = option_names(args.parser)
     for entry in summary["failures"]["rows"]:
         reason = re.sub("^(Value|Type)Error: (?=[`'])", "", entry["reason"])  # our own words
@@ -84,13 +86,13 @@ def run(args: argparse.Namespace) -> int:
     return 1 if result.n_failed else 0
 
 
-def _check_map(args: argparse.Namespace) -> None:
+def _image_to_map(args: argparse.Namespace) -> Item:
     """Refuse a map that is of no single image, or that would take its place, before anything is computed."""
     from voxkernel.evaluation.inputs import BadInput, find_items
-    from voxkernel.labels import check_target
+    from voxkernel.labels import check_target, is_label_file
 
     try:
-        items = find_items(args.images, label_images=True)
+        items = [item for item in find_items(args.images, label_images=True) if is_label_file(item.url)]
     except BadInput as error:
         raise UsageError(str(error)) from error
     try:
@@ -101,6 +103,7 @@ def _check_map(args: argparse.Namespace) -> None:
         raise UsageError(f"--map must be given with one image; got {len(items) or 'none'}")
     if "://" in items[0].url:
         raise UsageError(f"--map must be given with an image on this machine; got '{display(items[0].url)}'")
+    return items[0]
 
 
 def _words(objects: Any) -> str:
@@ -112,8 +115,28 @@ def _words(objects: Any) -> str:
     return f"{objects['n']} objects, {objects['n_star']} seen whole from one voxel{shares}{advice}"
 
 
-def _write_map(args: argparse.Namespace, settings: Any) -> None:
-    from voxkernel.labels import label_stars, paint_labels, read_labels, write_labels
+def _write_map(args: argparse.Namespace, settings: Any, item: Item, *, is_whole: bool) -> None:
+    """Paint what the rows of the run say; where the image failed, its objects that have rows, if any."""
+    import numpy as np
 
-    image = read_labels(args.images[0], spacing=settings.spacing)
-    write_labels(args.map, paint_labels(image, label_stars(image, n_rays=(32,))), like=image)
+    from voxkernel.labels import LabelObjects, paint_seen, read_labels, write_labels
+    from voxkernel.run_index import open_index
+    from voxkernel.run_table import open_run
+
+    index = open_index(*open_run(args.output), ("kind", "voxels", "box_low", "box_high", "center_index"))
+    file, kind = (np.array(index.keys.column(name).to_pylist(), dtype=object) for name in ("file", "kind"))
+    rows = index.keys.take(np.flatnonzero((file == item.name) & (kind == "label")))
+    index.close()
+    if not is_whole and not rows.num_rows:
+        return
+    image = read_labels(item.url, spacing=settings.spacing)
+    label, voxels = (rows.column(name).to_numpy() for name in ("object", "voxels"))
+    low, high, center = (
+        np.array(rows.column(name).to_pylist(), dtype=np.int64).reshape(-1, len(image.shape))
+        for name in ("box_low", "box_high", "center_index")
+    )
+    painted = paint_seen(image, LabelObjects(label=label, voxels=voxels, low=low, high=high), center)
+    write_labels(args.map, painted, like=image)
+    if not is_whole and rows.column("n_objects")[0].as_py() > rows.num_rows:
+        n = rows.column("n_objects")[0].as_py() - rows.num_rows
+        say(f"{n} objects without a row are not in {display(args.map)}", quiet=args.quiet)

@@ -85,15 +85,17 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     if suffix == ".zarr":
         if not Path(name).is_dir():
             raise GridReadError(f"`path` must be an existing folder for OME-Zarr; got '{name}'")
-    else:
-        input_file(name, GridReadError)
+    elif not input_file(name, GridReadError).stat().st_size:
+        raise GridReadError(f"'{name}' cannot be read as {suffix}: the file is empty")
     try:
         stored = _READERS[suffix](name, inside)
     except VoxKernelError:
         raise
     except Exception as error:  # every library has its own for a damaged file
-        words = " ".join(str(error).split())[:200]
-        raise GridReadError(f"'{name}' cannot be read as {suffix}: {type(error).__name__}: {words}") from error
+        words = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}".removesuffix(": ")
+        if isinstance(error, StopIteration | EOFError):
+            words = "the file ends too early"
+        raise GridReadError(f"'{name}' cannot be read as {suffix}: {words}") from error
     return _image(name, stored, spacing)
 
 

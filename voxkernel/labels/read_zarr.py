@@ -128,7 +128,7 @@ class _Squeezed:
 
 def _letter(axis: Mapping[str, Any]) -> str:
     """T for time, C for channels, else what the axis is called."""
-    name = str(axis.get("name", "?"))
+    name = str(axis.get("name") or "?")
     kind = str(axis.get("type") or {"t": "time", "c": "channel"}.get(name, ""))
     return {"time": "T", "channel": "C"}.get(kind, name[:1].upper().translate({84: "?", 67: "?"}))
 
