@@ -116,3 +116,14 @@ def test_maps_of_flat_empty_and_failed_images(volume, capsys):
     assert main(["labels", "wrong.npy", *RUN, "--spacing", "1,1,1", "--map", "w.npz"]) == 1
     assert not os.path.exists("w.npz")
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_help_says_how_spacing_is_meant(capsys):
+    for command in ("labels", "evaluate"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        said = " ".join(capsys.readouterr().out.split())
+        assert "distance of voxel centres along each axis, in the order of the array's axes: z,y,x" in said
+        assert "x,y,z for .nii and .nrrd; it counts more than what the file stores, and must be given where it" in said
+        assert "numbers of rays to try; 32,64,96,128,256 by default" in said
+        assert command == "evaluate" or "seen 2, centres 3; .tif, .nii, .nii.gz or .npz" in said

@@ -66,9 +66,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_label_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what is asked about label images."""
-    image = parser.add_argument_group("label images (.tif, .nii, .nrrd, .npy, .h5, .zarr): one row per object")
-    image.add_argument("--spacing", metavar="Z,Y,X", help="distance of voxel centres along each axis of the file")
-    image.add_argument("--rays", default="32,64,96,128,256", metavar="N,M", help="numbers of rays to try")
+    image = parser.add_argument_group("label images (.tif, .nii, .nrrd, .npy, .npz, .h5, .zarr): one row per object")
+    image.add_argument(
+        "--spacing", metavar="A,B,C",
+        help="distance of voxel centres along each axis, in the order of the array's axes: z,y,x for .tif, .h5 and "
+             ".zarr as a rule, x,y,z for .nii and .nrrd; it counts more than what the file stores, and must be given "
+             "where it stores none, as .npy",
+    )  # fmt: skip
+    rays = "32,64,96,128,256"
+    image.add_argument("--rays", default=rays, metavar="N,M", help=f"numbers of rays to try; {rays} by default")
     image.add_argument("--surface", action="store_true", help="also measure a smoothed surface of each object")
 
 

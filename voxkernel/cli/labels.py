@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_label_arguments(parser)
     out = parser.add_argument_group("what is written")
     out.add_argument("--no-pictures", action="store_true", help="do not draw the worst objects")
-    out.add_argument("--map", metavar="FILE", help="of one image: hidden voxels 1, seen 2, centres 3; .tif, .nii.gz")
+    out.add_argument(
+        "--map", metavar="FILE",
+        help="of one image, to lie over it: hidden voxels 1, seen 2, centres 3; .tif, .nii, .nii.gz or .npz",
+    )  # fmt: skip
     out.add_argument("--csv", action="store_true", help="write RUN/rows.csv as well")
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
