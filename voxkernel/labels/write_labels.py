@@ -36,7 +36,8 @@ def write_labels(
         `.tif` (as ImageJ writes it), `.nii`, `.nii.gz` or `.npz`.
     values : array, 2 or 3 axes
         bool, integers or floats. A `.tif` of ImageJ holds uint8, uint16 and float32: other integers are written as
-        the smallest of these that holds them exactly, other floats rounded to float32.
+        the smallest of these that holds them exactly, other floats rounded to float32. A `.nii` holds float16 as
+        float32, and rounds what is wider than float64 to that.
     spacing : sequence of float, optional
         One number for each axis, > 0; not with `like`.
     like : LabelImage or path, optional
@@ -134,8 +135,8 @@ def _write_tiff(target: Any, array: NDArray[Any], spacing: tuple[float, ...], un
 
 def _write_nifti(target: Any, array: NDArray[Any], spacing: tuple[float, ...], like: LabelImage | None) -> None:
     nibabel = optional("nibabel")
-    if array.dtype.kind == "b":
-        array = array.astype(np.uint8)
+    held = {np.dtype(np.bool_): np.uint8, np.dtype(np.float16): np.float32, np.dtype(np.longdouble): np.float64}
+    array = array.astype(held.get(array.dtype, array.dtype), copy=False)  # NIfTI does not have the others
     affine = None if like is None else like.affine
     steps = [*spacing, *[1.0] * (3 - array.ndim)]
     image = nibabel.Nifti1Image(array, np.diag([*steps, 1.0]) if affine is None else affine, dtype=array.dtype)
