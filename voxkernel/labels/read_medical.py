@@ -79,7 +79,7 @@ def _affine(steps: NDArray[np.float64], header: Mapping[str, Any]) -> NDArray[np
         affine[:3, 2] = normal / np.linalg.norm(normal)
     world = str(header.get("space", "")).lower().removesuffix("-time").removesuffix("t")
     affine[:2] *= np.array(_TO_NIFTI.get(world, _DICOM), dtype=np.float64)[:, None]
-    return _finite(affine)
+    return _finite(affine + 0.0)  # no -0.0
 
 
 def _finite(affine: NDArray[np.float64]) -> NDArray[np.float64] | None:
