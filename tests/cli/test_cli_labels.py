@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 import voxkernel
+from voxkernel.cli.commands import parsed
+from voxkernel.cli.labels import _write_map
 from voxkernel.cli.main import main
+from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.inputs import Item
+from voxkernel.run_table import open_run, part_names, read_parts, write_table_part
 
 RUN = ("-o", "run", "--workers", "1", "--no-pictures", "--rays", "32", "-q")
 
@@ -116,6 +121,28 @@ def test_maps_of_flat_empty_and_failed_images(volume, capsys):
     assert main(["labels", "wrong.npy", *RUN, "--spacing", "1,1,1", "--map", "w.npz"]) == 1
     assert not os.path.exists("w.npz")
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_map_of_an_image_that_failed_in_part(volume, capsys):
+    image = volume.copy()
+    image[:, :2], image[:, 2:4] = 2 * (image[:, :2] != 0), 3 * (image[:, 2:4] != 0)
+    np.save("image.npy", image)
+    words = ["labels", "image.npy", *RUN, "--spacing", "1,1,1"]
+    assert main(words) == 0
+    fs, path = open_run("run")
+    (part,) = part_names(fs, path)
+    table = read_parts(fs, [part])
+    assert table["object"].to_pylist() == [1, 2, 3]
+    os.remove(part)
+    write_table_part(fs, path, table.slice(1))
+    args = parsed([*[word for word in words if word != "-q"], "--map", "m.npz"])
+    capsys.readouterr()
+    _write_map(args, EvaluateSettings(spacing=(1, 1, 1)), Item("image.npy", "image.npy"), is_whole=False)
+    assert "objects without a row, not in m.npz: 1" in capsys.readouterr().err
+    painted = voxkernel.read_labels("m.npz").to_array()
+    assert np.array_equal(painted != 0, image > 1)
+    stars = voxkernel.label_stars(image, spacing=(1, 1, 1), n_rays=(32,), ids=[2, 3])
+    assert np.array_equal(painted, voxkernel.paint_labels(image, stars))
 
 
 def test_the_help_says_how_spacing_is_meant(capsys):

@@ -122,13 +122,14 @@ def _write_map(args: argparse.Namespace, settings: Any, item: Item, *, is_whole:
     """Paint what the rows of the run say; where the image failed, its objects that have rows, if any."""
     import numpy as np
 
+    from voxkernel._extras import optional
     from voxkernel.labels import LabelObjects, paint_seen, read_labels, write_labels
     from voxkernel.run_index import open_index
     from voxkernel.run_table import open_run
 
     index = open_index(*open_run(args.output), ("kind", "voxels", "box_low", "box_high", "center_index"))
-    file, kind = (np.array(index.keys.column(name).to_pylist(), dtype=object) for name in ("file", "kind"))
-    rows = index.keys.take(np.flatnonzero((file == item.name) & (kind == "label")))
+    compute, keys = optional("pyarrow.compute"), index.keys
+    rows = keys.filter(compute.and_(compute.equal(keys["file"], item.name), compute.equal(keys["kind"], "label")))
     index.close()
     if not is_whole and not rows.num_rows:
         return
@@ -142,4 +143,4 @@ def _write_map(args: argparse.Namespace, settings: Any, item: Item, *, is_whole:
     write_labels(args.map, painted, like=image)
     if not is_whole and rows.column("n_objects")[0].as_py() > rows.num_rows:
         n = rows.column("n_objects")[0].as_py() - rows.num_rows
-        say(f"{n} objects without a row are not in {display(args.map)}", quiet=args.quiet)
+        say(f"objects without a row, not in {display(args.map)}: {n}", quiet=args.quiet)

@@ -126,7 +126,7 @@ def _write_tiff(target: Any, array: NDArray[Any], spacing: tuple[float, ...], un
     facts: dict[str, Any] = {"axes": "ZYX" if array.ndim == 3 else "YX"}
     if array.ndim == 3:
         facts["spacing"] = spacing[0]
-    if unit is not None and unit.isascii():
+    if unit is not None and unit.isascii() and unit.isprintable():
         facts["unit"] = unit
     resolution = (1 / spacing[-1], 1 / spacing[-2])
     with whole_file(target) as stream:
