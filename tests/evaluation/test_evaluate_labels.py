@@ -163,17 +163,19 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert main(["labels", "scene.npy", "-o", "other", "--workers", "1", "-q"]) == 1
     assert "`spacing` must be given" in read_rows("other")["reason"][0].as_py()
     for wrong, line in (
-        (["--spacing", "1,x"], "--spacing and --rays must be numbers with commas between"),
+        (["--spacing", "1,x"], "--spacing must be numbers with commas between; got '1,x' ("),
+        (["--rays", "32,9.5"], "--rays must be integers with commas between; got '32,9.5' ("),
         (["--spacing", "1,0,1"], "--spacing must be > 0; got 0"),
         (["--rays", "2"], "--rays must be in 4..4096; got 2"),
     ):
         assert main(["labels", "scene.npy", "-o", "out", *wrong]) == 2
         assert line in capsys.readouterr().err
-    for name, words in (("x.png", "'x.png' must end in .tif, .tiff"), ("no/x.tif", "must be in an existing folder")):
+    for name, words in (("x.png", "--map must end in .tif, .tiff"), ("no/x.tif", "--map must be in an existing")):
         assert main(["labels", "scene.npy", "--spacing", "1,1,1", "-o", "new", "--map", name]) == 2
         assert words in capsys.readouterr().err
         assert not (tmp_path / "new").exists()  # seen before anything is computed
-    assert main(["labels", "a.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
+    np.save("b.npy", scene())
+    assert main(["labels", "scene.npy", "b.npy", "-o", "out", "--map", "x.tif"]) == 2
     assert "--map must be given with one image; got 2" in capsys.readouterr().err
 
 

@@ -170,6 +170,18 @@ def test_files_that_are_no_label_images(tmp_path, volume, name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", [".tif", ".nii", ".nii.gz", ".nrrd", ".npy", ".npz", ".h5"])
+def test_an_empty_file_is_called_empty(tmp_path, suffix):
+    (tmp_path / f"a{suffix}").touch()
+    with pytest.raises(GridReadError, match=f"a{suffix}' cannot be read as {suffix}: the file is empty$"):
+        read_labels(tmp_path / f"a{suffix}", spacing=SPACING)
+    (tmp_path / "b.nrrd").write_bytes(b"NRRD0004\n")
+    with pytest.raises(GridReadError) as caught:
+        read_labels(tmp_path / "b.nrrd", spacing=SPACING)
+    assert "StopIteration" not in str(caught.value)
+    assert not str(caught.value).rstrip().endswith(":")
+
+
 @pytest.mark.parametrize("name", [name for name in WRITERS if "zarr" not in name])
 def test_cut_files_are_refused(tmp_path, volume, name):
     """Wherever a file ends too early, no voxels are made up for those that are gone."""
@@ -226,6 +238,22 @@ def test_a_map_belongs_to_its_image():
         paint_labels(image[:5], stars)
     with pytest.raises(ValueError, match="`what` must be one of"):
         paint_labels(image, stars, what="all")
+    with pytest.raises(TypeError, match="`stars` must be LabelStars, from `label_stars`; got int"):
+        paint_labels(image, 3)
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".nii", ".nii.gz", ".npz"])
+@pytest.mark.parametrize("kind", ["?", "i1", "u1", ">i2", "u4", "i8", "u8", "f2", "f4", "f8", "g"])
+def test_numbers_of_every_type_are_written(tmp_path, suffix, kind):
+    values = np.arange(24).reshape(2, 3, 4).astype(kind)
+    write_labels(tmp_path / f"a{suffix}", values, spacing=SPACING)
+    if suffix == ".tif":
+        found = tifffile.imread(tmp_path / "a.tif")
+    elif suffix == ".npz":
+        found = np.load(tmp_path / "a.npz")["labels"]
+    else:
+        found = np.asarray(nibabel.load(tmp_path / f"a{suffix}").dataobj)
+    assert np.array_equal(found, values)
 
 
 @pytest.mark.slow

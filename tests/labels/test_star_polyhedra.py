@@ -50,7 +50,7 @@ FAMILIES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("unit", [1e-56, 1e-9, 1.0, 1e9, 1e56])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_families_beside_the_exact_kernel(rng, family, unit):
     """So many rays that hulls are large, and checked along their edges."""
@@ -79,6 +79,17 @@ def test_threads_do_not_change_rows(rng):
     assert np.array_equal(one.low, two.low)
 
 
+def test_lengths_at_the_ends_of_the_range():
+    """The octahedron of half-axes a, b, c on either side has the volume (a + a') (b + b') (c + c') / 6."""
+    lengths = np.array([[1e60] * 6, [1e-60] * 6, [1e30, 1e30, 1e-30, 1e-30, 1.0, 1.0]])
+    kernels = star_polyhedra_kernels(np.zeros((3, 3)), lengths, AXES)
+    whole = np.prod(lengths.reshape(-1, 3, 2).sum(axis=2), axis=1) / 6
+    np.testing.assert_allclose(kernels.polyhedron_volume, whole, rtol=1e-12)
+    np.testing.assert_allclose(kernels.volume, whole, rtol=1e-9)  # an octahedron is convex
+    with pytest.raises(voxkernel.MeshError, match="must span, along each axis, nothing or at least"):
+        star_polyhedra_kernels([[0, 0, 0]], [[1e60, 1e60, 1e-60, 1e-60, 1.0, 1.0]], AXES)
+
+
 def test_none():
     assert len(star_polyhedra_kernels(np.zeros((0, 3)), np.zeros((0, 6)), AXES)) == 0
 
@@ -89,6 +100,12 @@ WRONG = {
     r"`distances` must have shape \(n, 6\)": ([[0, 0, 0]], [[1] * 5], AXES, None),
     "`rays` must be at least 4 directions": ([[0, 0, 0]], [[1] * 3], AXES[::2], None),
     "`rays` must surround the centre": ([[0, 0, 0]], [[1] * 6], np.abs(AXES) + [[0.1, 0.2, 0.3]] * AXES, None),
+    "`rays` must surround the centre; got directions to one": ([[0, 0, 0]], [[1] * 6], AXES + AXES[4] * 3, None),
+    "`distances` must be from 1e-60 to 1e\\+60; got 1e\\+200": ([[0, 0, 0]], [[1] * 5 + [1e200]], AXES, None),
+    "`distances` must be from 1e-60 to 1e\\+60; got 1e-200": ([[0, 0, 0]], [[1e-200] * 6], AXES, None),
+    "`distances` times the lengths of `rays` must be from 1e-60": ([[0, 0, 0]], [[1e40] * 6], AXES * 1e40, None),
+    "`rays` must have lengths from 1e-60 to 1e\\+60; got 1e\\+200": ([[0, 0, 0]], [[1] * 6], AXES * 1e200, None),
+    "`rays` must have lengths from 1e-60 to 1e\\+60; got 1e-200": ([[0, 0, 0]], [[1] * 6], AXES * 1e-200, None),
     "`faces` must close around the centre": ([[0, 0, 0]], [[1] * 6], AXES, [[0, 2, 4]]),
     r"`faces` must be in 0..5; got 6": ([[0, 0, 0]], [[1] * 6], AXES, [[0, 2, 6]]),
 }  # fmt: skip

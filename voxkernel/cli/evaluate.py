@@ -66,21 +66,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_label_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what is asked about label images."""
-    image = parser.add_argument_group("label images (.tif, .nii, .nrrd, .npy, .h5, .zarr): one row per object")
-    image.add_argument("--spacing", metavar="Z,Y,X", help="distance of voxel centres along each axis of the file")
-    image.add_argument("--rays", default="32,64,96,128,256", metavar="N,M", help="numbers of rays to try")
+    image = parser.add_argument_group("label images (.tif, .nii, .nrrd, .npy, .npz, .h5, .zarr): one row per object")
+    image.add_argument(
+        "--spacing", metavar="A,B,C",
+        help="distance of voxel centres along each axis, in the order of the array's axes: z,y,x for .tif, .h5 and "
+             ".zarr as a rule, x,y,z for .nii and .nrrd; it counts more than what the file stores, and must be given "
+             "where it stores none, as .npy",
+    )  # fmt: skip
+    rays = "32,64,96,128,256"
+    image.add_argument("--rays", default=rays, metavar="N,M", help=f"numbers of rays to try; {rays} by default")
     image.add_argument("--surface", action="store_true", help="also measure a smoothed surface of each object")
 
 
 def label_options(args: argparse.Namespace) -> dict[str, Any]:
     """Settings of label images."""
+    spacing = None if args.spacing is None else _numbers("--spacing", args.spacing, float)
+    return {"spacing": spacing, "n_rays": _numbers("--rays", args.rays, int), "surface": args.surface}
+
+
+def _numbers(option: str, text: str, kind: type) -> list[Any]:
     try:
-        spacing = None if args.spacing is None else [float(v) for v in args.spacing.split(",")]
-        rays = [int(v) for v in args.rays.split(",")]
+        return [kind(v) for v in text.split(",")]
     except ValueError:
-        wrong = display(f"{args.spacing or ''} {args.rays}".strip())
-        raise UsageError(f"--spacing and --rays must be numbers with commas between; got '{wrong}'") from None
-    return {"spacing": spacing, "n_rays": rays, "surface": args.surface}
+        what = "integers" if kind is int else "numbers"
+        raise UsageError(f"{option} must be {what} with commas between; got '{display(text)}'") from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -138,7 +147,7 @@ def _settings(args: argparse.Namespace) -> Any:
         options["tolerances"] = PROFILE_TOLERANCES
     try:
         if args.tolerances is not None:
-            options["tolerances"] = _tolerances(args.tolerances)
+            options["tolerances"] = _numbers("--tolerances", args.tolerances, float)
         return EvaluateSettings(
             domain=args.domain, depth=args.depth, visible=args.visible, energies=args.energies, guards=args.guards,
             thumbnails=args.thumbnails, views=_views(args.views),
@@ -148,13 +157,6 @@ def _settings(args: argparse.Namespace) -> Any:
         )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise UsageError(str(error)) from error
-
-
-def _tolerances(text: str) -> list[float]:
-    try:
-        return [float(v) for v in text.split(",")]
-    except ValueError:
-        raise UsageError(f"--tolerances must be numbers with commas between; got '{display(text)}'") from None
 
 
 def _views(text: str) -> Any:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
 from voxkernel.cli.messages import option_names, spoken
-from voxkernel.cli.output import UsageError, display, report_error
+from voxkernel.cli.output import UsageError, display, report_error, say
+
+if TYPE_CHECKING:
+    from voxkernel.evaluation.inputs import Item
 
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
@@ -31,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_label_arguments(parser)
     out = parser.add_argument_group("what is written")
     out.add_argument("--no-pictures", action="store_true", help="do not draw the worst objects")
-    out.add_argument("--map", metavar="FILE", help="of one image: hidden voxels 1, seen 2, centres 3; .tif, .nii.gz")
+    out.add_argument(
+        "--map", metavar="FILE",
+        help="of one image, to lie over it: hidden voxels 1, seen 2, centres 3; .tif, .nii, .nii.gz or .npz",
+    )  # fmt: skip
     out.add_argument("--csv", action="store_true", help="write RUN/rows.csv as well")
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
@@ -45,23 +51,20 @@ def run(args: argparse.Namespace) -> int:
     from voxkernel.cli.progress import shown
     from voxkernel.evaluation import EvaluateSettings, evaluate
     from voxkernel.evaluation.inputs import BadInput
-    from voxkernel.labels import check_target, is_label_file
+    from voxkernel.labels import is_label_file
     from voxkernel.report import write_report
 
-    if args.map is not None and len(args.images) != 1:
-        raise UsageError(f"--map must be given with one image; got {len(args.images)}")
     for path in args.images:
         if Path(path).is_file() and not is_label_file(path):
             raise UsageError(f"IMAGE must be a label image; got '{display(path)}'")
     try:
-        if args.map is not None:
-            check_target(args.map)
         settings = EvaluateSettings(
             **label_options(args), label_images=True, thumbnails=not args.no_pictures, workers=args.workers,
             timeout=args.timeout or None, csv=args.csv,
         )  # fmt: skip
     except (ValueError, TypeError) as error:
         raise UsageError(str(error)) from error
+    mapped = None if args.map is None else _image_to_map(args)
     try:
         with shown(quiet=args.quiet) as progress:
             result = evaluate(args.images, output=args.output, settings=settings, progress=progress)
@@ -71,9 +74,9 @@ def run(args: argparse.Namespace) -> int:
     page = Path(args.output) / "report.html"
     with args.stage("writing the report"):
         summary = write_report(page, args.output)
-    if args.map is not None:
-        with args.stage(f"writing {display(args.map)}"):
-            _write_map(args, settings)
+    if mapped is not None:
+        with args.stage(f"writing {display(str(args.map))}"):
+            _write_map(args, settings, mapped, is_whole=not result.n_failed)
     names = option_names(args.parser)
     for entry in summary["failures"]["rows"]:
         reason = re.sub("^(Value|Type)Error: (?=[`'])", "", entry["reason"])  # our own words
@@ -86,6 +89,26 @@ def run(args: argparse.Namespace) -> int:
     return 1 if result.n_failed else 0
 
 
+def _image_to_map(args: argparse.Namespace) -> Item:
+    """Refuse a map that is of no single image, or that would take its place, before anything is computed."""
+    from voxkernel.evaluation.inputs import BadInput, find_items
+    from voxkernel.labels import check_target, is_label_file
+
+    try:
+        items = [item for item in find_items(args.images, label_images=True) if is_label_file(item.url)]
+    except BadInput as error:
+        raise UsageError(str(error)) from error
+    try:
+        check_target(args.map, [item.url for item in items])
+    except ValueError as error:
+        raise UsageError(f"--map {str(error).removeprefix('`path` ')}") from error
+    if len(items) != 1:
+        raise UsageError(f"--map must be given with one image; got {len(items) or 'none'}")
+    if "://" in items[0].url:
+        raise UsageError(f"--map must be given with an image on this machine; got '{display(items[0].url)}'")
+    return items[0]
+
+
 def _words(objects: Any) -> str:
     if not objects:
         return "no objects"
@@ -95,8 +118,29 @@ def _words(objects: Any) -> str:
     return f"{objects['n']} objects, {objects['n_star']} seen whole from one voxel{shares}{advice}"
 
 
-def _write_map(args: argparse.Namespace, settings: Any) -> None:
-    from voxkernel.labels import label_stars, paint_labels, read_labels, write_labels
+def _write_map(args: argparse.Namespace, settings: Any, item: Item, *, is_whole: bool) -> None:
+    """Paint what the rows of the run say; where the image failed, its objects that have rows, if any."""
+    import numpy as np
 
-    image = read_labels(args.images[0], spacing=settings.spacing)
-    write_labels(args.map, paint_labels(image, label_stars(image, n_rays=(32,))), spacing=image.spacing)
+    from voxkernel._extras import optional
+    from voxkernel.labels import LabelObjects, paint_seen, read_labels, write_labels
+    from voxkernel.run_index import open_index
+    from voxkernel.run_table import open_run
+
+    index = open_index(*open_run(args.output), ("kind", "voxels", "box_low", "box_high", "center_index"))
+    compute, keys = optional("pyarrow.compute"), index.keys
+    rows = keys.filter(compute.and_(compute.equal(keys["file"], item.name), compute.equal(keys["kind"], "label")))
+    index.close()
+    if not is_whole and not rows.num_rows:
+        return
+    image = read_labels(item.url, spacing=settings.spacing)
+    label, voxels = (rows.column(name).to_numpy() for name in ("object", "voxels"))
+    low, high, center = (
+        np.array(rows.column(name).to_pylist(), dtype=np.int64).reshape(-1, len(image.shape))
+        for name in ("box_low", "box_high", "center_index")
+    )
+    painted = paint_seen(image, LabelObjects(label=label, voxels=voxels, low=low, high=high), center)
+    write_labels(args.map, painted, like=image)
+    if not is_whole and rows.column("n_objects")[0].as_py() > rows.num_rows:
+        n = rows.column("n_objects")[0].as_py() - rows.num_rows
+        say(f"objects without a row, not in {display(args.map)}: {n}", quiet=args.quiet)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from voxkernel._input_file import input_file
 from voxkernel.errors import GridReadError, VoxKernelError
 from voxkernel.labels.label_image import LabelImage
 from voxkernel.labels.read_medical import read_nifti, read_nrrd
-from voxkernel.labels.read_stores import read_hdf5, read_npy, read_npz, read_zarr
+from voxkernel.labels.read_stores import read_hdf5, read_npy, read_npz
 from voxkernel.labels.read_tiff import read_tiff
+from voxkernel.labels.read_zarr import read_zarr
+from voxkernel.labels.stored import Stored
 
 __all__ = ["SUFFIXES", "is_label_file", "read_labels"]
 
@@ -38,7 +40,8 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     path : path
         `.tif` (of ImageJ, OME or plain), `.nii`, `.nii.gz`, `.nrrd`, `.npy`, `.npz`, `.h5` or `.zarr` (OME-Zarr).
         Behind ``::`` the array within a `.h5`, `.zarr` or `.npz`, as ``cells.h5::volumes/labels``; needed where there
-        are several.
+        are several. Of an OME-Zarr image with a group `labels` its label image is read, not its intensities; where it
+        has several, ``image.zarr::labels/nuclei`` names one.
     spacing : sequence of float, optional
         Distance of voxel centres along each axis, in the order of the axes; by default what the file stores.
 
@@ -82,26 +85,30 @@ def read_labels(path: str | os.PathLike[str], *, spacing: Sequence[float] | None
     if suffix == ".zarr":
         if not Path(name).is_dir():
             raise GridReadError(f"`path` must be an existing folder for OME-Zarr; got '{name}'")
-    else:
-        input_file(name, GridReadError)
+    elif not input_file(name, GridReadError).stat().st_size:
+        raise GridReadError(f"'{name}' cannot be read as {suffix}: the file is empty")
     try:
-        array, stored = _READERS[suffix](name, inside)
+        stored = _READERS[suffix](name, inside)
     except VoxKernelError:
         raise
     except Exception as error:  # every library has its own for a damaged file
-        words = " ".join(str(error).split())[:200]
-        raise GridReadError(f"'{name}' cannot be read as {suffix}: {type(error).__name__}: {words}") from error
-    return _image(name, array, stored, spacing)
+        words = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}".removesuffix(": ")
+        if isinstance(error, StopIteration | EOFError):
+            words = "the file ends too early"
+        raise GridReadError(f"'{name}' cannot be read as {suffix}: {words}") from error
+    return _image(name, stored, spacing)
 
 
-def _image(name: str, array: Any, stored: Sequence[float] | None, spacing: Sequence[float] | None) -> LabelImage:
-    """Check what was read; extra axes of length 1 are gone, with their spacing."""
-    if spacing is None and stored is None:
-        raise ValueError(f"`spacing` must be given: '{name}' stores none")
+def _image(name: str, stored: Stored, spacing: Sequence[float] | None) -> LabelImage:
+    """Check what was read."""
+    steps = stored.spacing if spacing is None else spacing
+    if steps is None:
+        raise ValueError(f"`spacing` must be given: '{name}' {stored.without}")
     try:
-        return LabelImage.from_array(array, spacing=stored if spacing is None else spacing)  # pyright: ignore
+        image = LabelImage.from_array(stored.voxels, spacing=steps)
     except (TypeError, ValueError) as error:
         raise type(error)(f"'{name}': {error}") from None
+    return replace(image, affine=stored.affine, unit=stored.unit, _nifti=stored.nifti)
 
 
 def _parted(path: str) -> tuple[str, str]:

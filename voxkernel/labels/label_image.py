@@ -88,12 +88,20 @@ class LabelImage(Frozen):
         Distance of voxel centres along each axis, in the order of the axes; world units.
     chunks : tuple of int
         Edges of the boxes in which the source is best read.
+    affine : (4, 4) float64 or None
+        From indices along the axes to the world of NIfTI (x to the right, y to the front, z up), as `.nii`, `.nii.gz`
+        and `.nrrd` store it; None for other files and arrays. It stays that of the file where another spacing is given.
+    unit : str or None
+        Of a spacing that the file stores, as "um" or "mm"; None where the file names none.
     """
 
     source: Any = field(repr=False)
     shape: tuple[int, ...]
     spacing: tuple[float, ...]
     chunks: tuple[int, ...]
+    affine: NDArray[np.float64] | None = field(default=None, repr=False)
+    unit: str | None = field(default=None, repr=False)
+    _nifti: tuple[tuple[str, Any], ...] = field(default=(), repr=False)  # fields of the header that say where it lies
 
     @classmethod
     def from_array(cls, labels: Any, *, spacing: Sequence[float]) -> LabelImage:

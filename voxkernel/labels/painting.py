@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from voxkernel._checks import as_choice
 from voxkernel._core import visible_voxels
+from voxkernel.labels.label_image import LabelImage
 from voxkernel.labels.label_stars import as_image
 from voxkernel.labels.label_table import LabelStars
 from voxkernel.labels.objects import LabelObjects, check_crop, crop_of
 
-__all__ = ["paint_labels", "seen_from"]
+__all__ = ["paint_labels", "paint_seen", "seen_from"]
 
 HIDDEN, SEEN, CENTER = 1, 2, 3
 
@@ -54,22 +55,35 @@ def paint_labels(
     [[3, 2, 2], [2, 0, 0], [2, 0, 3]]
     """
     as_choice("what", what, ("seen", "visible"))
+    if not isinstance(stars, LabelStars):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise TypeError(f"`stars` must be LabelStars, from `label_stars`; got {type(stars).__name__}")
     image = as_image(labels, stars.spacing if spacing is None else spacing)
     objects = LabelObjects(label=stars.label, voxels=stars.voxels, low=stars.low, high=stars.high)
-    if stars.low.shape[1] != len(image.shape) or (stars.high > np.array(image.shape)).any():
+    if what == "seen":
+        return paint_seen(image, objects, stars.center)
+    painted = np.zeros(image.shape, np.float32)
+    for i, box, crop in _crops(image, objects):
+        painted[box][crop[1:-1, 1:-1, 1:-1].reshape(painted[box].shape) != 0] = stars.visible[i]
+    return painted
+
+
+def paint_seen(image: LabelImage, objects: LabelObjects, centers: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Paint what the voxel `centers[i]` sees of each object."""
+    painted = np.zeros(image.shape, np.uint8)
+    for i, box, crop in _crops(image, objects):
+        seen = seen_from(crop, centers[i], objects.low[i], is_flat=image.is_flat)
+        painted[box] += seen[1:-1, 1:-1, 1:-1].reshape(painted[box].shape)
+    return painted
+
+
+def _crops(image: LabelImage, objects: LabelObjects) -> Generator[tuple[int, tuple[slice, ...], NDArray[np.uint8]]]:
+    """Each object: its number, its box in the image, and its crop, which has a layer around."""
+    if objects.low.shape[1] != len(image.shape) or (objects.high > np.array(image.shape)).any():
         raise ValueError(f"`stars` must be of this image; got boxes outside its shape {image.shape}")
-    painted = np.zeros(image.shape, np.uint8 if what == "seen" else np.float32)
-    for i in range(len(stars)):
+    for i in range(len(objects)):
         crop = crop_of(image, objects, i)
         check_crop("stars", crop, objects, i)
-        box = tuple(map(slice, stars.low[i].tolist(), stars.high[i].tolist()))
-        inner = crop[1:-1, 1:-1, 1:-1].reshape(painted[box].shape)
-        if what == "visible":
-            painted[box][inner != 0] = stars.visible[i]
-            continue
-        seen = seen_from(crop, stars.center[i], stars.low[i], is_flat=image.is_flat)
-        painted[box] += seen[1:-1, 1:-1, 1:-1].reshape(inner.shape)
-    return painted
+        yield i, tuple(map(slice, objects.low[i].tolist(), objects.high[i].tolist())), crop
 
 
 def seen_from(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import logging
 import re
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxkernel._extras import optional
+from voxkernel.labels.stored import Stored, check_axes, in_one_unit, unit_name
 
 __all__ = ["read_tiff"]
+
+_UNITS = ("zunit", "yunit", "unit")  # of Z, Y and X in a file of ImageJ; the last counts where one of them is missing
 
 
 class _Pages:
@@ -59,7 +63,7 @@ def _whole() -> Generator[None]:
         raise ValueError(complaints.texts[0])
 
 
-def read_tiff(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
+def read_tiff(path: str, _: str) -> Stored:
     """Map the file, or read it by pages."""
     tifffile = optional("tifffile")
     with _whole(), tifffile.TiffFile(path) as file:
@@ -69,24 +73,29 @@ def read_tiff(path: str, _: str) -> tuple[Any, Sequence[float] | None]:
         kept = [k for k, n in enumerate(series.shape) if n > 1] if len(series.shape) > 3 else range(len(series.shape))
         axes = "".join(series.axes[k] for k in kept)
         shape = tuple(int(series.shape[k]) for k in kept)
-        spacing = _ome_spacing(file, axes) if file.is_ome else _imagej_spacing(file, axes)
+        if len(kept) <= 3:
+            check_axes(axes.replace("C", "Q") if _is_stack(file) else axes, shape)
+        stored = _ome_spacing(file, axes) if file.is_ome else _imagej_spacing(file, axes)
         n_pages, dtype = len(series.pages), series.dtype
         is_plain = series.dataoffset is not None
         whole = None
         if not is_plain and not (len(shape) == 3 and n_pages == shape[0]):
             whole = series.asarray().reshape(shape)
-    if whole is not None:
-        return whole, spacing
-    if is_plain:
-        return tifffile.memmap(path, mode="r", series=0).reshape(shape), spacing
-    return _Pages(path, shape, dtype), spacing
+    if whole is None:
+        whole = tifffile.memmap(path, mode="r", series=0).reshape(shape) if is_plain else _Pages(path, shape, dtype)
+    return stored._replace(voxels=whole)
 
 
-def _imagej_spacing(file: Any, axes: str) -> list[float] | None:
+def _is_stack(file: Any) -> bool:
+    """Whether the channels of a file may be slices: tifffile writes so as ImageJ where it is not told the axes."""
+    return bool(file.imagej_metadata) and file.imagej_metadata.get("mode") == "grayscale"
+
+
+def _imagej_spacing(file: Any, axes: str) -> Stored:
     """Slices are apart by `spacing`; a resolution counts pixels per unit. Only files of ImageJ say what is meant."""
     facts = file.imagej_metadata
     if not facts:
-        return None
+        return Stored(None)
     tags = file.pages[0].tags
     known: dict[str, float] = {}
     for axis, tag in (("X", "XResolution"), ("Y", "YResolution")):
@@ -96,22 +105,25 @@ def _imagej_spacing(file: Any, axes: str) -> list[float] | None:
                 known[axis] = below / above
     if facts.get("spacing"):
         known["Z"] = abs(float(facts["spacing"]))
-    wanted = [known.get(axis if axis in "YX" else "Z") for axis in axes]
-    return None if None in wanted else wanted  # pyright: ignore[reportReturnType]
+    names = [axis if axis in "YXC" else "Z" for axis in axes]
+    if not all(name in known for name in names):
+        return Stored(None)
+    units = {axis: unit_name(facts.get(key) or facts.get("unit")) for axis, key in zip("ZYX", _UNITS, strict=True)}
+    return in_one_unit(None, [known[name] for name in names], [units[name] for name in names])
 
 
-def _ome_spacing(file: Any, axes: str) -> list[float] | None:
-    """`PhysicalSizeX` and the like of the first image, all in micrometres where a unit is given."""
-    text = file.ome_metadata or ""
-    pixels = re.search(r"<(?:\w+:)?Pixels\b[^>]*>", text)
+def _ome_spacing(file: Any, axes: str) -> Stored:
+    """`PhysicalSizeX` and the like of the first image, lengths in micrometres: OME's unit where none is given."""
+    pixels = re.search(r"<(?:\w+:)?Pixels\b[^>]*>", file.ome_metadata or "")
     if pixels is None:
-        return None
-    to_micrometres = {"nm": 1e-3, "mm": 1e3, "cm": 1e4, "m": 1e6, "pm": 1e-6}
-    wanted: list[float] = []
+        return Stored(None)
+    steps: list[float] = []
+    units: list[str | None] = []
     for axis in axes:
         size = re.search(rf'\bPhysicalSize{axis}="([^"]+)"', pixels[0])
         if size is None:
-            return None
+            return Stored(None)
         unit = re.search(rf'\bPhysicalSize{axis}Unit="([^"]+)"', pixels[0])
-        wanted.append(float(size[1]) * to_micrometres.get(unit[1] if unit else "", 1.0))
-    return wanted
+        steps.append(float(size[1]))
+        units.append(unit_name(html.unescape(unit[1])) if unit else "um")
+    return in_one_unit(None, steps, units, micrometres=True)

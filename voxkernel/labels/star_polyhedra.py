@@ -20,6 +20,7 @@ from voxkernel.mesh import TriangleMesh
 __all__ = ["StarKernels", "star_polyhedra_kernels"]
 
 _PART = 256
+_LEAST, _MOST = 1e-60, 1e60  # of lengths, whose volumes are numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -59,9 +60,10 @@ def star_polyhedra_kernels(
     centers : (n, 3) float
         In any unit; axes as those of the rays.
     distances : (n, m) float
-        Length of each ray, > 0.
+        Length of each ray, > 0; from 1e-60 to 1e60, also times the length of its direction.
     rays : (m, 3) float
-        Directions, the same for all polyhedra, such as `Rays_GoldenSpiral(96).vertices` of StarDist.
+        Directions, the same for all polyhedra, such as `Rays_GoldenSpiral(96).vertices` of StarDist; of lengths from
+        1e-60 to 1e60.
     faces : (f, 3) int, optional
         Triangles between the rays; by default those of the convex hull of the directions, scaled to length 1.
     threads : int
@@ -100,9 +102,13 @@ def star_polyhedra_kernels(
         raise ValueError(f"`distances` must have one row for each of {len(middle)} centers; got {len(lengths)}")
     if lengths.size and lengths.min() <= 0.0:
         raise ValueError(f"`distances` must be > 0; got {lengths.min():g}")
-    norms = np.linalg.norm(directions, axis=1)
-    if len(directions) < 4 or norms.min() <= 0.0:
+    if len(directions) < 4 or not directions.any(axis=1).all():
         raise ValueError(f"`rays` must be at least 4 directions, none of them 0; got {len(directions)}")
+    norms = np.hypot(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])  # no squares that overflow
+    _check_range("`rays` must have lengths from", norms)
+    _check_range("`distances` must be from", lengths)
+    _check_range("`distances` times the lengths of `rays` must be from", lengths * norms)
+    norms = np.linalg.norm(directions, axis=1)
     units = directions / norms[:, None]
     if faces is not None:
         faces = as_integers("faces", faces, shape="(f, 3)", ndim=2, columns=3)
@@ -128,6 +134,12 @@ def star_polyhedra_kernels(
     )  # fmt: skip
 
 
+def _check_range(words: str, values: NDArray[np.float64]) -> None:
+    wrong = values[(values < _LEAST) | (values > _MOST)]
+    if len(wrong):
+        raise ValueError(f"{words} {_LEAST:g} to {_MOST:g}; got {wrong[0]:g}")
+
+
 @lru_cache(maxsize=16)
 def _triangles(unit_bytes: bytes, face_bytes: bytes | None) -> NDArray[np.int64]:
     """Triangles that the centre is behind, closed around it; kept, as many calls have the same rays."""
@@ -147,6 +159,8 @@ def _triangles(unit_bytes: bytes, face_bytes: bytes | None) -> NDArray[np.int64]
         raise ValueError("`rays` must surround the centre, no face in one plane with it; got some that do not")
     facts = TriangleMesh.from_triangles(units, triangles).facts()
     if not (facts.is_closed and facts.is_oriented):
+        if face_bytes is None:
+            raise ValueError("`rays` must surround the centre; got directions to one side of it")
         raise ValueError("`faces` must close around the centre; got some that leave gaps or overlap")
     return read_only(triangles)
 
