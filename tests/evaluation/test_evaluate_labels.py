@@ -13,7 +13,7 @@ import voxkernel
 from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings, resume
 from voxkernel.evaluation.inputs import Item, content_hash, find_items
-from voxkernel.evaluation.label_parts import in_parts
+from voxkernel.evaluation.label_parts import in_parts, n_units
 from voxkernel.report import write_report
 from voxkernel.run_table import read_rows
 
@@ -90,9 +90,13 @@ def test_a_large_image_is_divided(tmp_path):
         image[1, 2 * j + 1, 2 * i + 1] = k
     np.save(tmp_path / "many.npy", image)
     settings = EvaluateSettings(spacing=(1, 1, 1), n_rays=(32,), workers=1)
-    items = in_parts([Item("many.npy", str(tmp_path / "many.npy"))], settings)
-    assert [item.part for item in items] == [(0, 200), (200, 400), (400, 484)]
-    assert {item.known_hash for item in items} == {content_hash(items[0])}
+    (item,) = in_parts([Item("many.npy", str(tmp_path / "many.npy"))], settings)
+    assert item.group.ids.tolist() == list(range(1, 485))
+    assert item.group.n_objects == n_units([item]) == 484
+    assert item.known_hash == content_hash(item)
+    (rest,) = in_parts([replace(item, group=None, finished="then", done=np.arange(3, 480))], settings)
+    assert (rest.group.ids.tolist(), rest.finished) == ([1, 2, 480, 481, 482, 483, 484], "then")
+    assert in_parts([replace(item, url="s3://bucket/many.npy", group=None)], settings)[0].group is None
     result = voxkernel.evaluate(tmp_path / "many.npy", output=tmp_path / "run", settings=settings)
     assert (result.n_rows, result.n_ok) == (484, 1)
     assert result.table().column("object").to_pylist() == list(range(1, 485))
