@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import mmap
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from math import prod
 from threading import Lock
 from typing import Any
 
@@ -17,7 +19,7 @@ from voxkernel._frozen import Frozen
 from voxkernel.errors import GridReadError
 from voxkernel.labels.voxel_values import as_label_values, check_label_type
 
-__all__ = ["LabelImage", "as_spacing", "block_boxes"]
+__all__ = ["LabelImage", "as_spacing", "block_boxes", "give_back", "layers_of"]
 
 _BLOCK_BYTES = 1 << 25  # of a block that is scanned at once
 _LEAST_SPACING = 1e-60  # volumes and squares of it are numbers
@@ -208,6 +210,27 @@ def block_boxes(image: LabelImage) -> list[tuple[list[int], list[int]]]:
         (list(low), [min(a + e, n) for a, e, n in zip(low, edges, image.shape, strict=True)])
         for low in product(*ranges)
     ]
+
+
+def layers_of(image: LabelImage, low: Sequence[int], high: Sequence[int]) -> list[tuple[int, int]]:
+    """Cut a box into layers along the first axis, of some 32 MB each, that do not cut chunks."""
+    edges = [b - a for a, b in zip(low, high, strict=True)]
+    if 8 * prod(edges) <= _BLOCK_BYTES:
+        return [(low[0], high[0])]
+    of_one, edge = np.dtype(image.source.dtype).itemsize * prod(edges[1:]), image.chunks[0]
+    n = edge * max(1, _BLOCK_BYTES // (of_one * edge))
+    starts = [low[0], *range((low[0] // edge) * edge + n, high[0], n)]
+    return list(zip(starts, [*starts[1:], high[0]], strict=True))
+
+
+def give_back(image: LabelImage) -> None:
+    """Let go of what the process holds of a large file that is mapped for reading; it is mapped again when needed."""
+    source = image.source
+    if not isinstance(source, np.memmap) or source.mode != "r" or source.nbytes <= _BLOCK_BYTES:
+        return
+    mapped = source._mmap  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType, reportUnknownVariableType]
+    if isinstance(mapped, mmap.mmap) and hasattr(mapped, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
+        mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def _plain_array(labels: object) -> NDArray[Any]:

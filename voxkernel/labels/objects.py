@@ -11,7 +11,7 @@ from voxkernel._checks import as_depth
 from voxkernel._core import StopFlag, label_boxes
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
-from voxkernel.labels.label_image import LabelImage, block_boxes
+from voxkernel.labels.label_image import LabelImage, block_boxes, give_back, layers_of
 
 __all__ = ["LabelObjects", "check_crop", "check_objects", "crop_of", "find_objects"]
 
@@ -72,9 +72,11 @@ def find_objects(image: LabelImage, *, threads: int = 1) -> LabelObjects:
         low, high = box
         block = image._box(low, high)
         if not block.any():
+            give_back(image)
             return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
         block = block[None] if image.is_flat else block
         labels, sizes, boxes = label_boxes(block, stop)
+        give_back(image)
         return labels, sizes, boxes + np.array([0, *low, 0, *low] if image.is_flat else [*low, *low])
 
     parts = run_parts(scan, block_boxes(image), as_depth("threads", threads, 1, 256))
@@ -96,10 +98,21 @@ def find_objects(image: LabelImage, *, threads: int = 1) -> LabelObjects:
 
 def crop_of(image: LabelImage, objects: LabelObjects, i: int) -> NDArray[np.uint8]:
     """Cut one object out: 1 for its voxels, with a layer of 0 around; three axes also for a flat image."""
-    block = image._box(objects.low[i].tolist(), objects.high[i].tolist())
-    block = block[None] if image.is_flat else block
-    crop = np.zeros(tuple(n + 2 for n in block.shape), np.uint8)
-    np.equal(block, block.dtype.type(objects.label[i]), out=crop[1:-1, 1:-1, 1:-1].view(np.bool_))
+    low, high, label = objects.low[i].tolist(), objects.high[i].tolist(), objects.label[i]
+    layers = layers_of(image, low, high)
+    if len(layers) == 1:
+        block = image._box(low, high)
+        block = block[None] if image.is_flat else block
+        crop = np.zeros([n + 2 for n in block.shape], np.uint8)
+        np.equal(block, block.dtype.type(label), out=crop[1:-1, 1:-1, 1:-1].view(np.bool_))
+        return crop
+    shape = [b - a + 2 for a, b in zip(low, high, strict=True)]
+    crop = np.zeros([3, *shape] if image.is_flat else shape, np.uint8)
+    inner = (crop[1, 1:-1, 1:-1] if image.is_flat else crop[1:-1, 1:-1, 1:-1]).view(np.bool_)
+    for first, last in layers:
+        block = image._box([first, *low[1:]], [last, *high[1:]])
+        np.equal(block, block.dtype.type(label), out=inner[first - low[0] : last - low[0]])
+        give_back(image)
     return crop
 
 
