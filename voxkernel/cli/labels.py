@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
     engine.add_argument(
-        "--timeout", type=float, default=3600.0, metavar="S", help="seconds an object may take, 0: none; 3600 by default"
+        "--timeout", type=float, default=3600.0, metavar="S", help="seconds per object, 0: none; 3600 by default"
     )
 
 

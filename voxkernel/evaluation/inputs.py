@@ -13,9 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
@@ -53,7 +50,7 @@ class Item:
     known_hash: str = ""  # of an image that is shared out, whose rows also finish together
     finished: str = ""
     known_stamp: FileStamp | None = None
-    done: NDArray[np.int64] | None = None  # objects that have their rows from an earlier run
+    done: frozenset[int] | None = None  # objects that have their rows from an earlier run
 
     @property
     def suffix(self) -> str:

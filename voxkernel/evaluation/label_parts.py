@@ -40,14 +40,15 @@ def in_parts(items: Sequence[Item], settings: EvaluateSettings) -> list[Item]:
         if not len(objects):
             parts.append(whole)
             continue
-        if item.done is None or np.isin(objects.label, item.done).all():
+        is_done = np.isin(objects.label, np.fromiter(item.done or (), np.int64))
+        if is_done.all() or item.done is None:
             stamp = stamp_of(item.url)  # before it is hashed
             finished = datetime.now(UTC).isoformat(timespec="milliseconds")
             item = replace(whole, known_hash=content_hash(item), finished=finished, known_stamp=stamp)
         places = objects.low // np.array(image.chunks)  # a chunk of a file is unpacked once for all objects in it
         order = np.lexsort(places.T[::-1])
-        if item.done is not None:
-            order = order[~np.isin(objects.label[order], item.done)]
+        if not is_done.all():  # else rows are there for objects that are not: all anew
+            order = order[~is_done[order]]
         work = objects.voxels[order].astype(np.float64) + _OF_ONE
         group = ObjectGroup(objects.label[order], work, len(objects))
         parts.append(replace(item, done=None, group=group))

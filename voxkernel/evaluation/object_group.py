@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,19 @@ _SECONDS = 1.0  # that a worker is busy with what it is sent
 _GROWTH = 4.0  # at most, from one sending to the next
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ObjectGroup:
     """Labels of some objects, how much work each may be, how many the image has; what is known of those to draw."""
 
-    ids: NDArray[np.int64]
-    work: NDArray[np.float64]
-    n_objects: int
-    rows: tuple[Mapping[str, Any], ...] = ()
+    __slots__ = ("ids", "n_objects", "rows", "work")
+
+    def __init__(
+        self,
+        ids: NDArray[np.int64],
+        work: NDArray[np.float64],
+        n_objects: int,
+        rows: tuple[Mapping[str, Any], ...] = (),
+    ) -> None:
+        self.ids, self.work, self.n_objects, self.rows = ids, work, n_objects, rows
 
     def __len__(self) -> int:
         """How many objects."""

@@ -192,7 +192,7 @@ class _Known:
             ids = ids[~self._row_failed[first : first + len(ids)]]
         stamp = [own[name][0].as_py() for name in STAMP_COLUMNS]
         return replace(
-            item, known_hash=own["content_hash"][0].as_py(), finished=own["finished"][0].as_py(), done=ids,
+            item, known_hash=own["content_hash"][0].as_py(), finished=own["finished"][0].as_py(), done=frozenset(ids.tolist()),
             known_stamp=None if None in stamp else FileStamp(*stamp),
         )  # fmt: skip
 
