@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from voxkernel._plain import plain
 from voxkernel.evaluation.settings import FEW, EvaluateSettings
 from voxkernel.labels import LabelImage, LabelObjects, LabelStars, find_objects, label_stars, read_labels
+from voxkernel.labels.label_image import give_back
 
 __all__ = ["drawn_rows", "label_rows", "most_pictures", "worst_first"]
 
@@ -116,5 +117,7 @@ def _draw(image: LabelImage, rows: Sequence[dict[str, Any]], files: dict[str, by
         except Exception as error:  # a drawing library that fails must not cost the numbers
             row["notes"].append(f"no picture: {type(error).__name__}: {error}")
             continue
+        finally:
+            give_back(image)
         row["thumbnail"] = file = f"thumbnails/{name}-{row['object']}.png"
         files[file] = data

@@ -192,8 +192,8 @@ class _Known:
             ids = ids[~self._row_failed[first : first + len(ids)]]
         stamp = [own[name][0].as_py() for name in STAMP_COLUMNS]
         return replace(
-            item, known_hash=own["content_hash"][0].as_py(), finished=own["finished"][0].as_py(), done=frozenset(ids.tolist()),
-            known_stamp=None if None in stamp else FileStamp(*stamp),
+            item, known_hash=own["content_hash"][0].as_py(), finished=own["finished"][0].as_py(),
+            known_stamp=None if None in stamp else FileStamp(*stamp), done=frozenset(ids.tolist()),
         )  # fmt: skip
 
     def relabelled(
