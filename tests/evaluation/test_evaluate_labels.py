@@ -10,6 +10,7 @@ import pytest
 import shapes
 
 import voxkernel
+from voxkernel.cli.failures import show_failures
 from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings, resume
 from voxkernel.evaluation.inputs import Item, content_hash, find_items
@@ -244,3 +245,33 @@ def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):
     line = "voxkernel: error: IMAGE must be a label image; got 'cube.ply' (see `voxkernel labels --help`)\n"
     assert (said.out, said.err) == ("", line)
     assert not (tmp_path / "out").exists()
+
+
+def test_evaluate_says_why_images_failed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("a.npy", scene())
+    words = ["evaluate", "a.npy", "-o", "run", "--workers", "1", "--no-thumbnails", "-q"]
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert said.out == "run: 1 rows, 0 ok, 1 failed\n"
+    assert said.err == "voxkernel: error: a.npy: --spacing must be given: 'a.npy' stores none\n"
+    assert main(words) == 1  # also where the rows are from an earlier run
+    assert said.err == capsys.readouterr().err
+    voxkernel.as_mesh(shapes.cube()).write("cube.ply")
+    for k in range(12):
+        (tmp_path / f"{k:02}.ply").write_text("no mesh")
+    files = ["cube.ply", *(f"{k:02}.ply" for k in range(12))]
+    assert main([*words[:1], *files, *words[1:], "--spacing", "1,1,1", "--rays", "32"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "run: 18 rows, 1 meshes ok, 1 label image ok, 12 failed\n"
+    lines = said.err.splitlines()
+    assert len(lines) == 11
+    assert lines[0].startswith("voxkernel: error: 00.ply: is not a readable .ply file")
+    assert lines[-1] == "voxkernel: error: 2 more rows failed: see `voxkernel report`"
+
+
+def test_an_object_that_failed_is_named(capsys):
+    show_failures([("a.tif", 7, "ValueError: `spacing` must be > 0"), ("b\n.tif", None, "gone")], 2, {})
+    assert capsys.readouterr().err == (
+        "voxkernel: error: a.tif, object 7: `spacing` must be > 0\nvoxkernel: error: b\\n.tif: gone\n"
+    )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 from typing import Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
-from voxkernel.cli.messages import option_names, spoken
-from voxkernel.cli.output import UsageError, display, report_error
+from voxkernel.cli.failures import show_failures
+from voxkernel.cli.messages import option_names
+from voxkernel.cli.output import UsageError, display
 
 HELP = "label images: which objects are star-convex, from where, and why not"
 DESCRIPTION = (
@@ -75,10 +75,8 @@ def run(args: argparse.Namespace) -> int:
         with args.stage(f"writing {display(args.map)}"):
             _write_map(args, settings)
     names = option_names(args.parser)
-    for entry in summary["failures"]["rows"]:
-        reason = re.sub("^(Value|Type)Error: (?=[`'])", "", entry["reason"])  # our own words
-        reason = spoken(reason, names).removeprefix(f"'{entry['file']}' ").removeprefix(f"'{entry['file']}': ")
-        report_error(f"{display(entry['file'])}: {display(reason)}")
+    failed = [(entry["file"], entry.get("object"), entry["reason"]) for entry in summary["failures"]["rows"]]
+    show_failures(failed, len(failed), names)
     words = [_words(summary.get("objects"))] if result.n_ok else []
     if result.n_failed:
         words.append(f"{result.n_failed} of {result.n_ok + result.n_failed} images failed")

@@ -22,7 +22,7 @@ from voxkernel.evaluation.label_pictures import undrawn
 from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.resume import COLUMNS as RESUMED
-from voxkernel.evaluation.resume import Resumed, count_rows, resumed
+from voxkernel.evaluation.resume import Failures, Resumed, count_rows, failures_of, resumed
 from voxkernel.evaluation.run_lock import locked_run
 from voxkernel.evaluation.settings import (
     PROFILE_TOLERANCES,
@@ -59,6 +59,12 @@ class EvaluationResult(InNotebooks):
         Files in the folders and globs given that were left out for their suffix: each suffix (lower case, with the
         dot; "" for none) and how many have it, the most frequent first. Hidden files and the run itself are not
         counted.
+    n_images_ok : int
+        Of `n_ok`, the label images.
+    failures : tuple of (str, int or None, str)
+        The first ten rows that failed: file, number of the object where it is one of a label image, and reason.
+    n_failed_rows : int
+        How many there are.
     """
 
     run: str
@@ -68,6 +74,9 @@ class EvaluationResult(InNotebooks):
     n_reused: int
     unmatched_labels: tuple[str, ...]
     left_out: tuple[tuple[str, int], ...] = ()
+    n_images_ok: int = 0
+    failures: tuple[tuple[str, int | None, str], ...] = ()
+    n_failed_rows: int = 0
 
     def __repr__(self) -> str:
         """Name the run and the counts."""
@@ -196,13 +205,18 @@ def run_evaluation(
         parts = in_parts(before.fresh, settings)
         counts.total += n_units(parts) - len(parts)
         _compute(items, parts, settings, analysis, store, counts)
-        with closing(store.compact()) as index:
+        with closing(store.compact(["status"] if counts.n_failed else [])) as index:
             counts.show()
+            failed = failures_of(items, index) if counts.n_failed else Failures((), 0, set())
             if settings.csv:
                 run_table.write_csv(store.fs, store.path, map(run_table.without_marks, index.parts()))
             n_rows = count_rows(items, index)
     n_failed, n_reused = counts.n_failed, before.n_reused
-    return EvaluationResult(run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out)
+    n_images_ok = sum(1 for item in items if is_label_file(item.url) and item.name not in failed.files)
+    return EvaluationResult(
+        run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out,
+        n_images_ok=n_images_ok, failures=failed.first, n_failed_rows=failed.n_rows,
+    )  # fmt: skip
 
 
 class _Counts:

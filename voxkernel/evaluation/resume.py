@@ -20,12 +20,13 @@ from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash
 from voxkernel.run_index import RunIndex
 
-__all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
+__all__ = ["COLUMNS", "Failures", "Resumed", "count_rows", "failures_of", "resumed"]
 
 COLUMNS = ("label", "status", "view", *STAMP_COLUMNS)  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
 _Seen = tuple[str, FileStamp | None]  # hash and stamp
+_FIRST = 10  # failures that are told one by one
 _QUICK = 1e-4  # seconds to read and hash a small file, and no more
 
 
@@ -100,6 +101,25 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
     names = pa.array([item.name for item in items], pa.string())
     files = run_table.without_marks(index.keys)["file"]
     return int(compute.sum(compute.is_in(files, value_set=names)).as_py() or 0)
+
+
+class Failures(NamedTuple):
+    """The first rows that failed (file, object, reason), how many did, and the files they are of."""
+
+    first: tuple[tuple[str, int | None, str], ...]
+    n_rows: int
+    files: set[str]
+
+
+def failures_of(items: Sequence[Item], index: RunIndex) -> Failures:
+    """Tell what failed of these meshes, from an index that has their `status`."""
+    pa, compute, keys = optional("pyarrow"), optional("pyarrow.compute"), index.keys
+    names = pa.array([item.name for item in items], pa.string())
+    failed = compute.and_(compute.equal(keys["status"], "failed"), compute.is_in(keys["file"], value_set=names))
+    places = np.flatnonzero(failed.fill_null(False).to_numpy())
+    rows = index.rows(places[:_FIRST]).select(["file", "object", "reason"]).to_pylist()
+    files = set(compute.unique(keys["file"].take(pa.array(places))).to_pylist())
+    return Failures(tuple((row["file"], row["object"], row["reason"] or "") for row in rows), len(places), files)
 
 
 def _same(

@@ -72,7 +72,7 @@ def failed_outcome(
     if item.group.rows:  # only its picture is missing
         rows = [{**row, "thumbnail": "", "notes": [*row["notes"], f"no picture: {reason}"]} for row in item.group.rows]
     else:
-        row |= {"kind": "label", "n_objects": item.group.n_objects, "seconds": seconds / n}
+        row |= {"n_objects": item.group.n_objects, "seconds": seconds / n}
         rows = [{**row, "object": number} for number in item.group.ids.tolist()]
     return Outcome(item.name, tuple(rows), seconds=seconds, units=n)
 
