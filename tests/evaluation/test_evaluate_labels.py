@@ -10,10 +10,11 @@ import pytest
 import shapes
 
 import voxkernel
+from voxkernel.cli.failures import show_failures
 from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings, resume
 from voxkernel.evaluation.inputs import Item, content_hash, find_items
-from voxkernel.evaluation.label_parts import in_parts
+from voxkernel.evaluation.label_parts import in_parts, n_units
 from voxkernel.report import write_report
 from voxkernel.run_table import read_rows
 
@@ -112,9 +113,13 @@ def test_a_large_image_is_divided(tmp_path):
         image[1, 2 * j + 1, 2 * i + 1] = k
     np.save(tmp_path / "many.npy", image)
     settings = EvaluateSettings(spacing=(1, 1, 1), n_rays=(32,), workers=1)
-    items = in_parts([Item("many.npy", str(tmp_path / "many.npy"))], settings)
-    assert [item.part for item in items] == [(0, 200), (200, 400), (400, 484)]
-    assert {item.known_hash for item in items} == {content_hash(items[0])}
+    (item,) = in_parts([Item("many.npy", str(tmp_path / "many.npy"))], settings)
+    assert item.group.ids.tolist() == list(range(1, 485))
+    assert item.group.n_objects == n_units([item]) == 484
+    assert item.known_hash == content_hash(item)
+    (rest,) = in_parts([replace(item, group=None, finished="then", done=frozenset(range(3, 480)))], settings)
+    assert (rest.group.ids.tolist(), rest.finished) == ([1, 2, 480, 481, 482, 483, 484], "then")
+    assert in_parts([replace(item, url="s3://bucket/many.npy", group=None)], settings)[0].group is None
     result = voxkernel.evaluate(tmp_path / "many.npy", output=tmp_path / "run", settings=settings)
     assert (result.n_rows, result.n_ok) == (484, 1)
     assert result.table().column("object").to_pylist() == list(range(1, 485))
@@ -264,3 +269,33 @@ def test_a_mesh_is_no_label_image(tmp_path, capsys, monkeypatch):
     line = "voxkernel: error: IMAGE must be a label image; got 'cube.ply' (see `voxkernel labels --help`)\n"
     assert (said.out, said.err) == ("", line)
     assert not (tmp_path / "out").exists()
+
+
+def test_evaluate_says_why_images_failed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("a.npy", scene())
+    words = ["evaluate", "a.npy", "-o", "run", "--workers", "1", "--no-thumbnails", "-q"]
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert said.out == "run: 1 rows, 0 ok, 1 failed\n"
+    assert said.err == "voxkernel: error: a.npy: --spacing must be given: 'a.npy' stores none\n"
+    assert main(words) == 1  # also where the rows are from an earlier run
+    assert said.err == capsys.readouterr().err
+    voxkernel.as_mesh(shapes.cube()).write("cube.ply")
+    for k in range(12):
+        (tmp_path / f"{k:02}.ply").write_text("no mesh")
+    files = ["cube.ply", *(f"{k:02}.ply" for k in range(12))]
+    assert main([*words[:1], *files, *words[1:], "--spacing", "1,1,1", "--rays", "32"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "run: 18 rows, 1 meshes ok, 1 label image ok, 12 failed\n"
+    lines = said.err.splitlines()
+    assert len(lines) == 11
+    assert lines[0].startswith("voxkernel: error: 00.ply: is not a readable .ply file")
+    assert lines[-1] == "voxkernel: error: 2 more rows failed: see `voxkernel report`"
+
+
+def test_an_object_that_failed_is_named(capsys):
+    show_failures([("a.tif", 7, "ValueError: `spacing` must be > 0"), ("b\n.tif", None, "gone")], 2, {})
+    assert capsys.readouterr().err == (
+        "voxkernel: error: a.tif, object 7: `spacing` must be > 0\nvoxkernel: error: b\\n.tif: gone\n"
+    )

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import voxkernel
 from voxkernel import run_table
 from voxkernel.evaluation import EvaluateSettings
-from voxkernel.evaluation.analysis import Analysis
+from voxkernel.evaluation.analysis import Analysis, analyse
 from voxkernel.evaluation.evaluate import run_evaluation
 from voxkernel.evaluation.file_stamp import STAMP_COLUMNS
 
@@ -58,6 +58,41 @@ def naughty(path, settings, *, name, view=False):
         files = {f"thumbnails/{name}.png": bytes(PICTURE)}
     row = {"verdict": "star-shaped", "ratio": float(Path(path).stem.partition("-")[0])}
     return Analysis(({**row, "thumbnail": next(iter(files), "")},), files)
+
+
+def naughty_objects(path, settings, *, name, view=False, ids, rows=()):
+    """Stand in for `analyse` of a label image: some objects have their ways, all take their time."""
+    for number in map(int, ids):
+        time.sleep(0.02)
+        if number == 207:
+            raise RuntimeError("oh no")
+        if number == 211:
+            ctypes.string_at(0)
+        if number == 213:
+            time.sleep(1000)
+    return analyse(path, settings, name=name, ids=ids)
+
+
+def image_of_objects(path, n):
+    image = np.zeros((3, 4, 3 * n + 1), np.uint16)
+    for k in range(n):
+        image[1:, 1:3, 3 * k + 1 : 3 * k + 3] = k + 1
+    np.save(path, image)
+    return path
+
+
+def objects_evaluated(image, run, **options):
+    settings = EvaluateSettings(**{"workers": 1, "spacing": (1, 1, 1), "n_rays": (8,), **options})
+    return run_evaluation([image], str(run), settings, None, None, naughty_objects)
+
+
+OBJECTS = """
+import sys
+from faulty_runs import objects_evaluated
+if __name__ == "__main__":
+    result = objects_evaluated(sys.argv[1], sys.argv[2])
+    print(result.n_rows, result.n_ok, result.n_reused)
+"""
 
 
 def files(folder, n, *words, every="good"):

@@ -7,9 +7,14 @@ import os
 from collections.abc import Iterator
 from importlib.util import find_spec
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from voxkernel.cli.failures import show_failures
+from voxkernel.cli.messages import option_names
 from voxkernel.cli.output import UsageError, display, say
+
+if TYPE_CHECKING:
+    from voxkernel.evaluation import EvaluationResult
 
 HELP = "a table of a whole data set, one row per mesh"
 DESCRIPTION = (
@@ -112,12 +117,21 @@ def run(args: argparse.Namespace) -> int:
     if len(result.unmatched_labels) > 10:
         say(f"no mesh for {len(result.unmatched_labels) - 10} more labels", quiet=args.quiet)
     before = f", {result.n_reused} from an earlier run" if result.n_reused else ""
-    counts = f"{result.n_rows} rows, {result.n_ok} meshes ok, {result.n_failed} failed{before}"
+    show_failures(result.failures, result.n_failed_rows, option_names(args.parser))
+    counts = f"{result.n_rows} rows, {_ok_text(result)}, {result.n_failed} failed{before}"
     left_out = left_out_text(result.left_out)
     print(f"{display(args.output)}: {counts}{'; ' if left_out else ''}{left_out}")
     if not args.label_images and any(is_label_file(f"x{suffix}") for suffix, _ in result.left_out):
         say("--label-images takes label images of folders and globs, too", quiet=args.quiet)
     return 1 if result.n_failed else 0
+
+
+def _ok_text(result: EvaluationResult) -> str:
+    """Meshes and images that went well, each where there are any."""
+    n_meshes, n_images = result.n_ok - result.n_images_ok, result.n_images_ok
+    words = [f"{n_meshes} meshes ok"] if n_meshes else []
+    words += [f"{n_images} label image{'' if n_images == 1 else 's'} ok"] if n_images else []
+    return ", ".join(words) or "0 ok"
 
 
 def _start_early(args: argparse.Namespace) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from voxkernel.cli.evaluate import add_label_arguments, label_options
-from voxkernel.cli.messages import option_names, spoken
-from voxkernel.cli.output import UsageError, display, report_error, say
+from voxkernel.cli.failures import show_failures
+from voxkernel.cli.messages import option_names
+from voxkernel.cli.output import UsageError, display, say
 
 if TYPE_CHECKING:
     from voxkernel.evaluation.inputs import Item
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     engine = parser.add_argument_group("how it runs")
     engine.add_argument("--workers", type=int, metavar="N", help="processes; one per core by default")
     engine.add_argument(
-        "--timeout", type=float, default=3600.0, metavar="S", help="seconds per 200 objects, 0: none; 3600 by default"
+        "--timeout", type=float, default=3600.0, metavar="S", help="seconds per object, 0: none; 3600 by default"
     )
 
 
@@ -78,10 +78,8 @@ def run(args: argparse.Namespace) -> int:
         with args.stage(f"writing {display(str(args.map))}"):
             _write_map(args, settings, mapped, is_whole=not result.n_failed)
     names = option_names(args.parser)
-    for entry in summary["failures"]["rows"]:
-        reason = re.sub("^(Value|Type)Error: (?=[`'])", "", entry["reason"])  # our own words
-        reason = spoken(reason, names).removeprefix(f"'{entry['file']}' ").removeprefix(f"'{entry['file']}': ")
-        report_error(f"{display(entry['file'])}: {display(reason)}")
+    failed = [(entry["file"], entry.get("object"), entry["reason"]) for entry in summary["failures"]["rows"]]
+    show_failures(failed, len(failed), names)
     words = [_words(summary.get("objects"))] if result.n_ok else []
     if result.n_failed:
         words.append(f"{result.n_failed} of {result.n_ok + result.n_failed} images failed")

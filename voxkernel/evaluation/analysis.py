@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxkernel._plain import plain
 from voxkernel.errors import MeshError
@@ -34,8 +35,9 @@ class Analysis:
 
 
 def analyse(
-    path: str, settings: EvaluateSettings, *, name: str, view: bool = False, part: tuple[int, int] | None = None
-) -> Analysis:
+    path: str, settings: EvaluateSettings, *, name: str, view: bool = False, ids: NDArray[np.int64] | None = None,
+    rows: Sequence[Mapping[str, Any]] = (),
+) -> Analysis:  # fmt: skip
     """Compute the row of a surface, or one row per cell of a polyhedral mesh or per object of a label image.
 
     Parameters
@@ -48,8 +50,10 @@ def analyse(
         Of the picture files, without folder and suffix.
     view : bool
         Whether to simplify the surface for an interactive view.
-    part : (int, int), optional
-        Of a label image: the first of its objects to look at and one behind the last, in the order of their labels.
+    ids : array of int, optional
+        Of a label image: the objects to look at; their pictures are drawn later. All by default, with pictures.
+    rows : sequence of dict, optional
+        Of a label image: rows of objects, to be drawn.
 
     Returns
     -------
@@ -57,10 +61,11 @@ def analyse(
         Columns of the table but for those that name the run.
     """
     if is_label_file(path):
-        from voxkernel.evaluation.label_rows import label_rows
+        from voxkernel.evaluation.label_rows import drawn_rows, label_rows
 
-        rows, files = label_rows(path, settings, name=name, part=part)
-        return Analysis(rows, files)
+        if rows:
+            return Analysis(*drawn_rows(path, settings, name=name, rows=rows))
+        return Analysis(*label_rows(path, settings, name=name, ids=ids))
     cells = _cells_of(path)
     if cells is not None:
         return cells

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -13,14 +13,16 @@ from voxkernel import run_table
 from voxkernel._extras import check_installed
 from voxkernel._notebook import InNotebooks
 from voxkernel.evaluation.analysis import analyse
-from voxkernel.evaluation.cluster import connected
+from voxkernel.evaluation.cluster import Cluster, connected
 from voxkernel.evaluation.dispatch import Dispatcher
 from voxkernel.evaluation.inputs import BadInput, Item, count_suffixes, find_items, labelled, read_labels
-from voxkernel.evaluation.label_parts import in_parts
+from voxkernel.evaluation.label_parts import in_parts, n_units
+from voxkernel.evaluation.label_pictures import COLUMNS as PICTURED
+from voxkernel.evaluation.label_pictures import undrawn
 from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.progress import EvaluationProgress, Speed
 from voxkernel.evaluation.resume import COLUMNS as RESUMED
-from voxkernel.evaluation.resume import count_rows, resumed
+from voxkernel.evaluation.resume import Failures, Resumed, count_rows, failures_of, resumed
 from voxkernel.evaluation.run_lock import locked_run
 from voxkernel.evaluation.settings import (
     PROFILE_TOLERANCES,
@@ -31,6 +33,7 @@ from voxkernel.evaluation.settings import (
 )
 from voxkernel.evaluation.store import RunStore
 from voxkernel.evaluation.worker import Analyse
+from voxkernel.labels import is_label_file
 
 __all__ = ["PROFILE_TOLERANCES", "EvaluateSettings", "EvaluationProgress", "EvaluationResult", "evaluate"]
 
@@ -56,6 +59,12 @@ class EvaluationResult(InNotebooks):
         Files in the folders and globs given that were left out for their suffix: each suffix (lower case, with the
         dot; "" for none) and how many have it, the most frequent first. Hidden files and the run itself are not
         counted.
+    n_images_ok : int
+        Of `n_ok`, the label images.
+    failures : tuple of (str, int or None, str)
+        The first ten rows that failed: file, number of the object where it is one of a label image, and reason.
+    n_failed_rows : int
+        How many there are.
     """
 
     run: str
@@ -65,6 +74,9 @@ class EvaluationResult(InNotebooks):
     n_reused: int
     unmatched_labels: tuple[str, ...]
     left_out: tuple[tuple[str, int], ...] = ()
+    n_images_ok: int = 0
+    failures: tuple[tuple[str, int | None, str], ...] = ()
+    n_failed_rows: int = 0
 
     def __repr__(self) -> str:
         """Name the run and the counts."""
@@ -93,8 +105,8 @@ def evaluate(
     paths : path, glob, URL, or several
         Mesh files, folders (searched with all folders in them), globs, and fsspec URLs such as ``s3://...``. A
         polyhedral mesh gives one row per cell: ``.hedra``, ``.mesh``, ``.vtu``, or a folder of numbered files that
-        is called something with "cells" at the end. A label image gives one row per object (`read_labels`); its objects
-        are shared out among the workers.
+        is called something with "cells" at the end. A label image gives one row per object (`read_labels`); the objects
+        of one on this machine are shared out among the workers, as many at a time as make about a second of work.
     output : path or URL
         Directory of the run. If it holds an earlier run, that is continued.
     settings : EvaluateSettings, optional
@@ -126,6 +138,10 @@ def evaluate(
     Runs on Dask: worker processes on this machine, or a scheduler elsewhere whose workers have this library and one
     thread each. A mesh that cannot be read, raises, takes too long, needs too much memory or kills its worker gets a
     row with `status` "failed" and the `reason`. The time limit is enforced by killing the worker, which needs a nanny.
+
+    Objects of label images on this machine stand for themselves: one that takes too long, or ends its worker, costs its
+    own row, and an image that was interrupted goes on with the objects that have no rows. The worst objects are drawn
+    when all have theirs.
 
     Rows are on disk about a second after they were computed, in Parquet parts that appear whole or not at all. A row
     is computed again when the SHA-256 of its file, the settings that decide what is in it, or the version of this
@@ -184,27 +200,31 @@ def run_evaluation(
             before = resumed(items, index, settings, LaterStamps(store.fs, store.path))
             store.replace(index, before.places, before.labels)
         run_table.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
-        counts = _Counts(len(items), before.n_reused, before.n_failed, progress, store)
+        counts = _Counts(len(items) - before.n_reused, before, progress, store)
         counts.show()
-        if before.fresh:
-            parts = in_parts(before.fresh, settings)
-            counts.total += len(parts) - len(before.fresh)
-            _compute(parts, settings, analysis, store, counts)
-        with closing(store.compact()) as index:
+        parts = in_parts(before.fresh, settings)
+        counts.total += n_units(parts) - len(parts)
+        _compute(items, parts, settings, analysis, store, counts)
+        with closing(store.compact(["status"] if counts.n_failed else [])) as index:
             counts.show()
+            failed = failures_of(items, index) if counts.n_failed else Failures((), 0, set())
             if settings.csv:
                 run_table.write_csv(store.fs, store.path, map(run_table.without_marks, index.parts()))
             n_rows = count_rows(items, index)
     n_failed, n_reused = counts.n_failed, before.n_reused
-    return EvaluationResult(run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out)
+    n_images_ok = sum(1 for item in items if is_label_file(item.url) and item.name not in failed.files)
+    return EvaluationResult(
+        run, n_rows, len(items) - n_failed, n_failed, n_reused, tuple(unmatched), left_out,
+        n_images_ok=n_images_ok, failures=failed.first, n_failed_rows=failed.n_rows,
+    )  # fmt: skip
 
 
 class _Counts:
     """Counts what is on disk and tells the caller."""
 
-    def __init__(self, total: int, n_reused: int, n_failed: int, progress: Show | None, store: RunStore) -> None:
-        self.total, self.n_reused, self.n_failed = total, n_reused, n_failed
-        self._failed: set[str] = set()  # of this run; a file in parts fails once
+    def __init__(self, n_fresh: int, before: Resumed, progress: Show | None, store: RunStore) -> None:
+        self.total, self.n_reused, self.n_failed = n_fresh + before.n_units, before.n_units, before.n_failed
+        self._failed = set(before.failed)  # an image fails once, whichever of its objects do
         self._progress, self._store, self._speed = progress, store, Speed()
 
     def failed(self, name: str) -> None:
@@ -223,25 +243,44 @@ class _Counts:
 
 
 def _compute(
-    items: Sequence[Item], settings: EvaluateSettings, analysis: Analyse, store: RunStore, counts: _Counts
-) -> None:
+    items: Sequence[Item], parts: Sequence[Item], settings: EvaluateSettings, analysis: Analyse, store: RunStore,
+    counts: _Counts,
+) -> None:  # fmt: skip
+    """Compute what is missing, then pictures of the worst objects, which are known when all have their rows."""
+    with ExitStack() as stack:
+        cluster: Cluster | None = None
+        for_analysis = analysis is analyse
+        if parts:
+            cluster = stack.enter_context(connected(settings, n_units(parts), for_analysis=for_analysis))
+            _run(cluster, parts, settings, analysis, store, counts)
+        if settings.thumbnails is False or not any(is_label_file(item.url) for item in items):
+            return
+        with closing(store.compact(PICTURED)) as index:
+            pictures = undrawn(items, index)
+        if pictures:
+            counts.total += n_units(pictures)
+            if cluster is None:
+                cluster = stack.enter_context(connected(settings, n_units(pictures), for_analysis=for_analysis))
+            _run(cluster, pictures, settings, analysis, store, counts)
+
+
+def _run(
+    cluster: Cluster, items: Sequence[Item], settings: EvaluateSettings, analysis: Analyse, store: RunStore,
+    counts: _Counts,
+) -> None:  # fmt: skip
     """Run the cluster; whatever stops this, rows that came in are written."""
+    dispatcher = Dispatcher(cluster, items, settings, analysis)
     try:
-        with connected(settings, len(items), for_analysis=analysis is analyse) as cluster:
-            dispatcher = Dispatcher(cluster, items, settings, analysis)
-            try:
-                for outcome in dispatcher.outcomes():
-                    if outcome is not None:
-                        store.add(outcome)
-                        if not outcome.is_ok:
-                            counts.failed(outcome.name)
-                    store.flush_if_due()
-                    counts.show()
-            finally:
-                store.flush()
-                dispatcher.stop()
+        for outcome in dispatcher.outcomes():
+            if outcome is not None:
+                store.add(outcome)
+                if not outcome.is_ok:
+                    counts.failed(outcome.name)
+            store.flush_if_due()
+            counts.show()
     finally:
         store.flush()
+        dispatcher.stop()
 
 
 def _described(

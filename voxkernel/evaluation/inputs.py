@@ -17,6 +17,7 @@ from voxkernel._extras import optional
 from voxkernel._input_file import check_stored_file, input_file
 from voxkernel.errors import MeshReadError
 from voxkernel.evaluation.file_stamp import FileStamp
+from voxkernel.evaluation.object_group import ObjectGroup
 from voxkernel.labels import is_label_file
 from voxkernel.run_table import defused, extra_of, is_local, open_run, told
 
@@ -45,10 +46,11 @@ class Item:
     label: str | None = None
     view: bool = False
     data: bytes | None = None
-    part: tuple[int, int] | None = None  # objects of a label image, the first and one behind the last
-    known_hash: str = ""  # of a file in parts, whose rows also finish together
+    group: ObjectGroup | None = None  # objects of a label image
+    known_hash: str = ""  # of an image that is shared out, whose rows also finish together
     finished: str = ""
     known_stamp: FileStamp | None = None
+    done: frozenset[int] | None = None  # objects that have their rows from an earlier run
 
     @property
     def suffix(self) -> str:

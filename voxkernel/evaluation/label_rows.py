@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxkernel._plain import plain
 from voxkernel.evaluation.settings import FEW, EvaluateSettings
 from voxkernel.labels import LabelImage, LabelObjects, LabelStars, find_objects, label_stars, read_labels
+from voxkernel.labels.label_image import give_back
 from voxkernel.labels.reasons import best_overlap, causes_in
 
-__all__ = ["label_rows"]
+__all__ = ["drawn_rows", "label_rows", "most_pictures", "worst_first"]
 
-_PICTURES = 30  # of one part; more would be shown by no report
+_PICTURES = 30  # of so many objects:
+_OF = 200
+_AT_MOST = 1000  # of one image; a page has no room for more
 
 
 def label_rows(
-    path: str, settings: EvaluateSettings, *, name: str, part: tuple[int, int] | None
+    path: str, settings: EvaluateSettings, *, name: str, ids: NDArray[np.int64] | None
 ) -> tuple[tuple[Mapping[str, Any], ...], dict[str, bytes]]:
-    """Give one row per object, or per object of a part, and the pictures that the rows name."""
+    """Give one row per object and the pictures that the rows name; those of `ids` are drawn when all have rows."""
     begin = perf_counter()
-    image = read_labels(path, spacing=settings.spacing)
-    objects = _objects_of(path, settings.spacing) if part else find_objects(image)
-    ids = objects.label if part is None else objects.label[part[0] : part[1]]
+    image = read_labels(path, spacing=settings.spacing) if ids is None else _image_of(path, settings.spacing, name)
+    objects = find_objects(image) if ids is None else _objects_of(path, settings.spacing, name)
     read = perf_counter()
     stars = label_stars(
-        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat, ids=ids.tolist(),
+        image, n_rays=settings.n_rays, surface=settings.surface and not image.is_flat,
+        ids=None if ids is None else ids.tolist(),
         objects=objects, threads=settings.threads,
     )  # fmt: skip
     done = perf_counter()
@@ -38,14 +42,45 @@ def label_rows(
         row |= {"seconds_read": (read - begin) / len(rows), "seconds_exact": (done - read) / len(rows)}
     files: dict[str, bytes] = {}
     if settings.thumbnails or (settings.thumbnails is None and len(objects) <= FEW):
-        _draw(image, stars, rows, files, name)
+        short = [row for row in rows if row["shortfall"]]
+        if ids is not None:
+            for row in short:
+                row["thumbnail"] = None  # not known yet
+        else:
+            order = worst_first([row["voxels_seen"] for row in short], [row["iou"][-1] for row in short])
+            _draw(image, [short[i] for i in order[: most_pictures(len(objects))].tolist()], files, name)
     return tuple(rows), files
 
 
+def drawn_rows(
+    path: str, settings: EvaluateSettings, *, name: str, rows: Sequence[Mapping[str, Any]]
+) -> tuple[tuple[Mapping[str, Any], ...], dict[str, bytes]]:
+    """Give rows of objects with their pictures."""
+    files: dict[str, bytes] = {}
+    drawn: list[dict[str, Any]] = [{**row, "thumbnail": "", "notes": list(row["notes"] or ())} for row in rows]
+    _draw(_image_of(path, settings.spacing, name), drawn, files, name)
+    return tuple(drawn), files
+
+
+def worst_first(seen: Sequence[float], overlap: Sequence[float]) -> NDArray[np.int64]:
+    """Order objects that fall short: those least seen, then those that most rays describe worst."""
+    return np.lexsort((overlap, seen))
+
+
+def most_pictures(n_objects: int) -> int:
+    """How many objects of an image are drawn; more would be shown by no report."""
+    return min(_AT_MOST, _PICTURES * -(-n_objects // _OF))
+
+
 @lru_cache(maxsize=1)
-def _objects_of(path: str, spacing: tuple[float, ...] | None) -> LabelObjects:
-    """The objects of a file are found once for all parts that come to a worker."""
-    return find_objects(read_labels(path, spacing=spacing))
+def _image_of(path: str, spacing: tuple[float, ...] | None, _name: str) -> LabelImage:
+    """A file is opened once for all of its objects that come to a worker; the name tells its content."""
+    return read_labels(path, spacing=spacing)
+
+
+@lru_cache(maxsize=1)
+def _objects_of(path: str, spacing: tuple[float, ...] | None, name: str) -> LabelObjects:
+    return find_objects(_image_of(path, spacing, name))
 
 
 def _row(stars: LabelStars, i: int, n_objects: int) -> dict[str, Any]:
@@ -74,18 +109,19 @@ def _row(stars: LabelStars, i: int, n_objects: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _draw(
-    image: LabelImage, stars: LabelStars, rows: list[dict[str, Any]], files: dict[str, bytes], name: str
-) -> None:
-    """Draw the worst objects: those least seen, then those that most rays describe worst."""
-    from voxkernel.pictures.label_picture import label_picture
+def _draw(image: LabelImage, rows: Sequence[dict[str, Any]], files: dict[str, bytes], name: str) -> None:
+    """Draw objects and name the pictures in their rows."""
+    from voxkernel.pictures.label_picture import object_picture
 
-    order = np.lexsort((stars.iou[:, -1], stars.visible))
-    for i in [i for i in order.tolist() if stars.reason[i]][:_PICTURES]:
+    for row in rows:
+        box = {"low": np.array([row["box_low"]]), "high": np.array([row["box_high"]])}
+        own = LabelObjects(label=np.array([row["object"]]), voxels=np.array([row["voxels"]]), **box)
         try:
-            data = label_picture(image, stars, i)
+            data = object_picture(image, own, np.array([row["center_index"]]), 0)
         except Exception as error:  # a drawing library that fails must not cost the numbers
-            rows[i]["notes"].append(f"no picture: {type(error).__name__}: {error}")
-            return
-        rows[i]["thumbnail"] = file = f"thumbnails/{name}-{stars.label[i]}.png"
+            row["notes"].append(f"no picture: {type(error).__name__}: {error}")
+            continue
+        finally:
+            give_back(image)
+        row["thumbnail"] = file = f"thumbnails/{name}-{row['object']}.png"
         files[file] = data

@@ -17,9 +17,10 @@ class EvaluationProgress:
     Attributes
     ----------
     total, done, failed, reused : int
-        Meshes given; with a row on disk, of which failed, and of which were there before this run.
+        Meshes given; with a row on disk, of which failed, and of which were there before this run. Objects of label
+        images count by themselves, and once more if they are drawn; `failed` counts files.
     rate : float
-        Meshes per second lately; 0 at first.
+        Of these, per second lately; 0 at first.
     remaining : float or None
         Estimated seconds; None while nothing is known.
     """

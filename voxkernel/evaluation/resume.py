@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -19,21 +20,24 @@ from voxkernel.evaluation.later_stamps import LaterStamps
 from voxkernel.evaluation.settings import EvaluateSettings, settings_hash
 from voxkernel.run_index import RunIndex
 
-__all__ = ["COLUMNS", "Resumed", "count_rows", "resumed"]
+__all__ = ["COLUMNS", "Failures", "Resumed", "count_rows", "failures_of", "resumed"]
 
 COLUMNS = ("label", "status", "view", *STAMP_COLUMNS)  # beside the keys
 _AT_ONCE = 1000  # files that a thread reads in one go
 _WAITING = 16
 _Seen = tuple[str, FileStamp | None]  # hash and stamp
+_FIRST = 10  # failures that are told one by one
 _QUICK = 1e-4  # seconds to read and hash a small file, and no more
 
 
 class Resumed(NamedTuple):
-    """Meshes to compute, how many need not be and how many of these failed, and rows whose label is another now."""
+    """Meshes to compute, how many need not be, how many failed before, and rows whose label is another now."""
 
     fresh: list[Item]
     n_reused: int
     n_failed: int
+    n_units: int  # that need not be: meshes, and objects of label images
+    failed: list[str]  # images of which objects failed, others are to be computed
     places: NDArray[np.int64]
     labels: list[str | None]
 
@@ -43,17 +47,18 @@ def resumed(
 ) -> Resumed:
     """Divide meshes into those to compute and those whose rows are there: same content, same settings.
 
+    Of a label image only the objects are computed that have no rows, or none that counts.
+
     Files that have to be hashed to be known get their stamps of now, which the next resume asks for.
     """
     known, compute = _Known(index), optional("pyarrow.compute")
     place = known.find([item.name for item in items])
     first = np.maximum(place, 0)
-    wanted = place >= 0
+    wanted, is_whole = place >= 0, np.ones(len(items), bool)
     if len(index):
         wanted &= known.mask(compute.equal(index.keys["settings_hash"], settings_hash(settings)))[first]
-        if settings.retry_failed:
-            wanted &= ~known.failed[first]
-        wanted &= known.is_whole[first]
+        is_whole = known.is_whole[first] & ~(known.failed[first] & settings.retry_failed)
+        wanted &= is_whole | known.has_objects[first]
         views = np.fromiter((item.view for item in items), bool, len(items))
         wanted &= ~views | known.needs_no_view[first]
     candidates = np.flatnonzero(wanted)
@@ -72,12 +77,22 @@ def resumed(
     is_same[~is_same] = np.fromiter((same for same, _ in found), bool, len(to_read))
     if later is not None and not settings.rehash:
         _keep_stamps(items, to_read, found, later)
-    reused = np.zeros(len(items), bool)
-    reused[candidates[is_same]] = True
-    places, labels = known.relabelled(items, np.flatnonzero(reused), first)
+    there = np.zeros(len(items), bool)
+    there[candidates[is_same]] = True
+    places, labels = known.relabelled(items, np.flatnonzero(there), first)
+    reused = there & is_whole
     n_failed = int(known.failed[first[reused]].sum()) if len(index) else 0
-    fresh = [item for item, is_there in zip(items, reused.tolist(), strict=True) if not is_there]
-    return Resumed(fresh, int(reused.sum()), n_failed, places, labels)
+    n_units = int(known.n_units[first[reused]].sum()) if len(index) else 0
+    fresh: list[Item] = []
+    failed: list[str] = []
+    for i in np.flatnonzero(~reused).tolist():
+        fresh.append(known.going_on(items[i], first[i], settings) if there[i] else items[i])
+        done = fresh[-1].done
+        if there[i] and done is not None:
+            n_units += len(done)
+            if known.failed[first[i]] and not settings.retry_failed:
+                failed.append(items[i].name)
+    return Resumed(fresh, int(reused.sum()), n_failed + len(failed), n_units, failed, places, labels)
 
 
 def count_rows(items: Sequence[Item], index: RunIndex) -> int:
@@ -86,6 +101,25 @@ def count_rows(items: Sequence[Item], index: RunIndex) -> int:
     names = pa.array([item.name for item in items], pa.string())
     files = run_table.without_marks(index.keys)["file"]
     return int(compute.sum(compute.is_in(files, value_set=names)).as_py() or 0)
+
+
+class Failures(NamedTuple):
+    """The first rows that failed (file, object, reason), how many did, and the files they are of."""
+
+    first: tuple[tuple[str, int | None, str], ...]
+    n_rows: int
+    files: set[str]
+
+
+def failures_of(items: Sequence[Item], index: RunIndex) -> Failures:
+    """Tell what failed of these meshes, from an index that has their `status`."""
+    pa, compute, keys = optional("pyarrow"), optional("pyarrow.compute"), index.keys
+    names = pa.array([item.name for item in items], pa.string())
+    failed = compute.and_(compute.equal(keys["status"], "failed"), compute.is_in(keys["file"], value_set=names))
+    places = np.flatnonzero(failed.fill_null(False).to_numpy())
+    rows = index.rows(places[:_FIRST]).select(["file", "object", "reason"]).to_pylist()
+    files = set(compute.unique(keys["file"].take(pa.array(places))).to_pylist())
+    return Failures(tuple((row["file"], row["object"], row["reason"] or "") for row in rows), len(places), files)
 
 
 def _same(
@@ -143,10 +177,15 @@ class _Known:
         self._n_rows = np.zeros(n, np.int64)
         self._n_rows[self._first] = np.diff(np.append(self._first, n))
         self._files = files if is_first.all() else files.take(optional("pyarrow").array(self._first))
-        self.failed = self.mask(compute.equal(keys["status"], "failed"))
+        self._row_failed = self.mask(compute.equal(keys["status"], "failed"))
+        self.failed = self._row_failed.copy()  # of the first row of a file: whether one of its rows has
+        if n:
+            self.failed[self._first] = np.logical_or.reduceat(self._row_failed, self._first)
         objects = keys["n_objects"].fill_null(-1).to_numpy()
-        # Or a label image of which parts are missing; one without objects has a row that marks it.
+        # Else it is a label image of which objects are missing; one without objects has a row that marks it.
         self.is_whole = (objects <= 0) | (objects == self._n_rows)
+        self.has_objects = objects > 0
+        self.n_units = np.where(self.has_objects, self._n_rows, 1)
         single = compute.and_(compute.and_(keys["cell"].is_null(), keys["object"].is_null()), objects < 0)
         may_view = compute.and_(compute.equal(keys["status"], "ok"), single)
         has_view = compute.not_equal(keys["view"].fill_null(""), "")
@@ -164,6 +203,18 @@ class _Known:
             return self._first.astype(np.int64)
         found = compute.index_in(given, value_set=self._files).fill_null(-1).to_numpy()
         return np.append(self._first, -1)[found].astype(np.int64)
+
+    def going_on(self, item: Item, first: int, settings: EvaluateSettings) -> Item:
+        """Give an image with what its rows share and the objects that need no other row."""
+        own = self._keys.slice(first, int(self._n_rows[first]))
+        ids = own["object"].to_numpy()
+        if settings.retry_failed:
+            ids = ids[~self._row_failed[first : first + len(ids)]]
+        stamp = [own[name][0].as_py() for name in STAMP_COLUMNS]
+        return replace(
+            item, known_hash=own["content_hash"][0].as_py(), finished=own["finished"][0].as_py(),
+            known_stamp=None if None in stamp else FileStamp(*stamp), done=frozenset(ids.tolist()),
+        )  # fmt: skip
 
     def relabelled(
         self, items: Sequence[Item], reused: NDArray[np.int64], first: NDArray[np.int64]

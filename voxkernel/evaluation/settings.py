@@ -62,7 +62,7 @@ class EvaluateSettings(InNotebooks):
     views : int or "all"
         How many surfaces, the first ones by name, get a simplified copy to turn in a report.
     timeout : float, optional
-        Seconds a mesh may take before its worker is killed; None waits for ever.
+        Seconds a mesh, or an object of a label image, may take before its worker is killed; None waits for ever.
     memory_limit : int or str, optional
         Memory of one worker, bytes or such as "4GB"; by default its share of 90 % of the machine's. A surface that
         needs more fails, and its row says so in a line.

@@ -49,7 +49,7 @@ class RunStore:
         for name, data in outcome.files.items():
             run_table.write_bytes(self.fs, posixpath.join(self.path, name), data)
         self._buffer += outcome.rows
-        self._n_buffered += 1
+        self._n_buffered += outcome.units
 
     def replace(self, index: RunIndex, places: NDArray[np.int64], labels: Sequence[str | None]) -> None:
         """Give rows other labels; they are no new result."""

@@ -33,12 +33,13 @@ Analyse = Callable[..., Analysis]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came out for one mesh: its rows, the files they name, and the seconds it took."""
+    """What came out for one mesh, or some objects: rows, the files they name, seconds, how many were worked on."""
 
     name: str
     rows: tuple[Mapping[str, Any], ...]
     files: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
     seconds: float = 0.0
+    units: int = 1
 
     @property
     def is_ok(self) -> bool:
@@ -63,9 +64,17 @@ def failed_outcome(
     seconds: float,
     stamp: FileStamp | None = None,
 ) -> Outcome:
-    """Give the row of a mesh that could not be evaluated."""
+    """Give the row of a mesh, or of each of some objects, that could not be evaluated."""
     row = {**_about(item, settings, known_hash, seconds, stamp), "status": "failed", "reason": reason}
-    return Outcome(item.name, (row,), seconds=seconds)
+    if item.group is None:
+        return Outcome(item.name, (row,), seconds=seconds)
+    n = len(item.group)
+    if item.group.rows:  # only its picture is missing
+        rows = [{**row, "thumbnail": "", "notes": [*row["notes"], f"no picture: {reason}"]} for row in item.group.rows]
+    else:
+        row |= {"n_objects": item.group.n_objects, "seconds": seconds / n}
+        rows = [{**row, "object": number} for number in item.group.ids.tolist()]
+    return Outcome(item.name, tuple(rows), seconds=seconds, units=n)
 
 
 @cache
@@ -105,11 +114,14 @@ def _about(
 def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Outcome:
     begin = perf_counter()
     known_hash, path = "", ""
-    stamp = item.known_stamp if item.known_hash or item.data is not None else stamp_of(item.url)  # before it is read
+    is_known = item.group is not None or item.data is not None
+    stamp = item.known_stamp if is_known else stamp_of(item.url)  # before it is read
     try:
         with _limited(settings), local_copy(item, _worker_folder()) as (path, known_hash):
             picture = f"{(known_hash or 'unreadable')[:24]}-{settings_hash(settings)[:8]}"
-            options = {} if item.part is None else {"part": item.part}
+            options: dict[str, Any] = {}
+            if item.group is not None:
+                options = {"rows": item.group.rows} if item.group.rows else {"ids": item.group.ids}
             done = analysis(path, settings, name=picture, view=item.view, **options)
     except Exception as error:  # whatever a reader or a bug throws is this mesh's reason
         seconds = perf_counter() - begin
@@ -124,7 +136,7 @@ def _evaluated(item: Item, settings: EvaluateSettings, analysis: Analyse) -> Out
         return failed_outcome(item, settings, "holds no cells", known_hash=known_hash, seconds=seconds, stamp=stamp)
     if not rows:  # a label image without objects is an answer: no rows but a mark that it was looked at
         rows = ({**about, "status": "ok", "reason": "", "kind": "label", "n_objects": 0},)
-    return Outcome(item.name, rows, done.files, seconds)
+    return Outcome(item.name, rows, done.files, seconds, 1 if item.group is None else len(item.group))
 
 
 def _reason(error: Exception, settings: EvaluateSettings) -> str:

@@ -19,11 +19,15 @@ from voxkernel._frozen import Frozen
 from voxkernel.errors import GridReadError
 from voxkernel.labels.voxel_values import as_label_values, check_label_type
 
-__all__ = ["LabelImage", "as_spacing", "block_boxes", "give_back", "layers_of"]
+__all__ = [
+    "MOST_HELD", "LabelImage", "as_spacing", "block_boxes", "give_back", "layers_of", "pages_of", "slow_axis",
+]  # fmt: skip
 
 _BLOCK_BYTES = 1 << 25  # of a block that is scanned at once
 _LEAST_SPACING = 1e-60  # volumes and squares of it are numbers
 _CACHE_BYTES = 1 << 25  # of chunks that are kept unpacked
+MOST_HELD = 1 << 25  # bytes of a mapped file
+_PAGES = 1 << 16  # bytes that a system maps at once, when one of them is asked for
 
 
 class _Chunks:
@@ -210,7 +214,8 @@ def block_boxes(image: LabelImage) -> list[tuple[list[int], list[int]]]:
     """Cut an image into boxes of some 32 MB that do not cut chunks."""
     edges = list(image.chunks)
     size = np.dtype(image.source.dtype).itemsize
-    for axis in reversed(range(len(edges))):
+    strides = getattr(image.source, "strides", None) or range(len(edges), 0, -1)
+    for axis in sorted(range(len(edges)), key=lambda axis: abs(strides[axis])):
         fits = max(1, _BLOCK_BYTES // size // int(np.prod(edges)))
         edges[axis] = min(image.shape[axis], edges[axis] * fits)
     ranges = [range(0, n, e) for n, e in zip(image.shape, edges, strict=True)]
@@ -220,15 +225,32 @@ def block_boxes(image: LabelImage) -> list[tuple[list[int], list[int]]]:
     ]
 
 
+def slow_axis(image: LabelImage) -> int:
+    """The axis along which neighbours are farthest apart in memory or in the file, as a rule the first."""
+    strides = getattr(image.source, "strides", None)
+    return 0 if strides is None else max(range(len(strides)), key=lambda axis: abs(strides[axis]))
+
+
 def layers_of(image: LabelImage, low: Sequence[int], high: Sequence[int]) -> list[tuple[int, int]]:
-    """Cut a box into layers along the first axis, of some 32 MB each, that do not cut chunks."""
-    edges = [b - a for a, b in zip(low, high, strict=True)]
+    """Cut a box into layers along the slow axis, of some 32 MB each, that do not cut chunks."""
+    edges, axis = [b - a for a, b in zip(low, high, strict=True)], slow_axis(image)
+    first, end = low[axis], high[axis]
     if 8 * prod(edges) <= _BLOCK_BYTES:
-        return [(low[0], high[0])]
-    of_one, edge = np.dtype(image.source.dtype).itemsize * prod(edges[1:]), image.chunks[0]
+        return [(first, end)]
+    of_one, edge = np.dtype(image.source.dtype).itemsize * (prod(edges) // edges[axis]), image.chunks[axis]
     n = edge * max(1, _BLOCK_BYTES // (of_one * edge))
-    starts = [low[0], *range((low[0] // edge) * edge + n, high[0], n)]
-    return list(zip(starts, [*starts[1:], high[0]], strict=True))
+    starts = [first, *range((first // edge) * edge + n, end, n)]
+    return list(zip(starts, [*starts[1:], end], strict=True))
+
+
+def pages_of(image: LabelImage, low: Sequence[int], high: Sequence[int]) -> int:
+    """About how many bytes of a mapped file a process holds after it has read a box; 0 where none is mapped."""
+    if not isinstance(image.source, np.memmap):
+        return 0
+    edges, strides = [b - a for a, b in zip(low, high, strict=True)], [abs(n) for n in image.source.strides]
+    fast = min(range(len(edges)), key=lambda axis: strides[axis])
+    n_rows = prod(edges) // edges[fast]
+    return min(n_rows * (_PAGES + edges[fast] * strides[fast]), max(e * s for e, s in zip(edges, strides, strict=True)))
 
 
 def give_back(image: LabelImage) -> None:

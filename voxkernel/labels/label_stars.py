@@ -17,7 +17,7 @@ from voxkernel.labels.image_files import read_labels
 from voxkernel.labels.label_image import LabelImage, as_spacing
 from voxkernel.labels.label_surface import SurfaceRow, surface_row
 from voxkernel.labels.label_table import LabelStars
-from voxkernel.labels.objects import LabelObjects, check_crop, check_objects, crop_of, find_objects
+from voxkernel.labels.objects import LabelObjects, check_crop, check_objects, crops_of, find_objects
 from voxkernel.labels.one_object import ImageFrame, ObjectRow, object_row
 from voxkernel.labels.ray_sets import ray_set
 from voxkernel.labels.reasons import rays_needed, reason_of
@@ -143,9 +143,9 @@ def stars_of(
     rows: dict[int, tuple[ObjectRow, SurfaceRow]] = {}
 
     def work(first: int, stop: StopFlag) -> None:
-        for i in order[first : first + _PART].tolist():
+        some = order[first : first + _PART].tolist()
+        for i, crop in zip(some, crops_of(image, objects, some), strict=True):
             low = objects.low[i].tolist()
-            crop = crop_of(image, objects, i)
             check_crop("objects", crop, objects, i)
             row = object_row(crop, [0, *low] if image.is_flat else low, frame, stop)
             rows[i] = row, surface_row(crop, frame.spacing) if surface and not image.is_flat else SurfaceRow()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,9 @@ from voxkernel._checks import as_depth
 from voxkernel._core import StopFlag, label_boxes
 from voxkernel._frozen import Frozen
 from voxkernel._threads import run_parts
-from voxkernel.labels.label_image import LabelImage, block_boxes, give_back, layers_of
+from voxkernel.labels.label_image import MOST_HELD, LabelImage, block_boxes, give_back, layers_of, pages_of, slow_axis
 
-__all__ = ["LabelObjects", "check_crop", "check_objects", "crop_of", "find_objects"]
+__all__ = ["LabelObjects", "check_crop", "check_objects", "crop_of", "crops_of", "find_objects"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -109,11 +110,30 @@ def crop_of(image: LabelImage, objects: LabelObjects, i: int) -> NDArray[np.uint
     shape = [b - a + 2 for a, b in zip(low, high, strict=True)]
     crop = np.zeros([3, *shape] if image.is_flat else shape, np.uint8)
     inner = (crop[1, 1:-1, 1:-1] if image.is_flat else crop[1:-1, 1:-1, 1:-1]).view(np.bool_)
+    axis = slow_axis(image)
     for first, last in layers:
-        block = image._box([first, *low[1:]], [last, *high[1:]])
-        np.equal(block, block.dtype.type(label), out=inner[first - low[0] : last - low[0]])
+        begin, end = list(low), list(high)
+        begin[axis], end[axis] = first, last
+        block = image._box(begin, end)
+        own = tuple(slice(a - b, c - b) for a, b, c in zip(begin, low, end, strict=True))
+        np.equal(block, block.dtype.type(label), out=inner[own])
         give_back(image)
     return crop
+
+
+def crops_of(image: LabelImage, objects: LabelObjects, some: Sequence[int]) -> Iterator[NDArray[np.uint8]]:
+    """Cut some objects out, one after the other; what is mapped of a file is given back in between."""
+    held = 0
+    try:
+        for i in some:
+            held += pages_of(image, objects.low[i].tolist(), objects.high[i].tolist())
+            yield crop_of(image, objects, i)
+            if held > MOST_HELD:
+                give_back(image)
+                held = 0
+    finally:
+        if held:
+            give_back(image)
 
 
 def check_objects(image: LabelImage, objects: object) -> LabelObjects:

@@ -27,7 +27,7 @@ _DICOM = (-1, -1)
 
 def read_nifti(path: str, _: str) -> Stored:
     """Give the voxels as stored, or scaled where the header scales them; axes beyond three of length 1 are left out."""
-    image = optional("nibabel").load(path)
+    image = optional("nibabel").load(path, mmap="r")
     shape = tuple(int(n) for n in image.shape)
     if any(n > 1 for n in shape[3:]):
         raise ValueError(f"`labels` must have 2 or 3 axes; got {len(shape)}, of shape {shape}")

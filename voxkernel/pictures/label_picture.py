@@ -16,7 +16,7 @@ from voxkernel.labels.objects import LabelObjects, crop_of
 from voxkernel.labels.painting import CENTER, HIDDEN, seen_from
 from voxkernel.pictures.silent_vtk import silent_vtk
 
-__all__ = ["label_picture"]
+__all__ = ["label_picture", "object_picture"]
 
 _PANEL = (240, 180)  # of the four, in pixels
 _SEEN, _HIDDEN, _MARK, _INK = (70, 118, 172), (204, 52, 40), (250, 200, 20), (86, 100, 115)
@@ -29,10 +29,15 @@ def label_picture(image: LabelImage, stars: LabelStars, i: int) -> bytes:
 
     Where smoothing leaves next to nothing of a thin object, words stand in the place of the surface.
     """
-    pil = optional("PIL.Image")
     objects = LabelObjects(label=stars.label, voxels=stars.voxels, low=stars.low, high=stars.high)
+    return object_picture(image, objects, stars.center, i)
+
+
+def object_picture(image: LabelImage, objects: LabelObjects, center: NDArray[np.int64], i: int) -> bytes:
+    """Draw one of some objects, each of which is seen best from its row of `center`."""
+    pil = optional("PIL.Image")
     crop = crop_of(image, objects, i)
-    seen = seen_from(crop, stars.center[i], stars.low[i], is_flat=image.is_flat)
+    seen = seen_from(crop, center[i], objects.low[i], is_flat=image.is_flat)
     page = pil.new("RGB", (2 * _PANEL[0], 2 * _PANEL[1]), (255, 255, 255))
     spacing = (1.0, *image.spacing) if image.is_flat else image.spacing
     for k, axis in enumerate((0,) if image.is_flat else (0, 1, 2)):
