@@ -34,6 +34,7 @@ def places(affine, shape):
 FORMS = {
     "sform": {"sform": (TURNED, 1)}, "qform": {"qform": (SIMPLE, 1), "unit": "micron"},
     "both": {"sform": (TURNED, 4), "qform": (SIMPLE, 2)}, "neither": {},
+    "flat": {"sform": (np.diag([2.0, 0.0, 0.25, 1.0]), 1)},
 }  # fmt: skip
 
 

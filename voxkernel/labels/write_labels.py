@@ -137,7 +137,7 @@ def _write_nifti(target: Any, array: NDArray[Any], spacing: tuple[float, ...], l
     nibabel = optional("nibabel")
     held = {np.dtype(np.bool_): np.uint8, np.dtype(np.float16): np.float32, np.dtype(np.longdouble): np.float64}
     array = array.astype(held.get(array.dtype, array.dtype), copy=False)  # NIfTI does not have the others
-    affine = None if like is None else like.affine
+    affine = None if like is None or like._nifti else like.affine  # a header says more
     steps = [*spacing, *[1.0] * (3 - array.ndim)]
     image = nibabel.Nifti1Image(array, np.diag([*steps, 1.0]) if affine is None else affine, dtype=array.dtype)
     if affine is None:
