@@ -10,6 +10,7 @@ import pytest
 
 import voxkernel
 from voxkernel import run_table
+from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings
 from voxkernel.evaluation.label_rows import most_pictures
 from voxkernel.evaluation.object_group import ObjectGroup, Pace
@@ -86,7 +87,8 @@ def test_only_objects_without_rows_are_computed(whole, tmp_path):
     assert without_times(after) == without_times(uninterrupted)
     assert all(after[number] == row for number, row in before.items())  # with the seconds they took
     assert all(after[number] != uninterrupted[number] for number in uninterrupted.keys() - before.keys())
-    assert (states[0].done, states[0].reused, states[-1].done) == (N - 24, N - 24, states[-1].total)
+    assert (states[0].done, states[0].total, states[0].reused) == (N - 24, N, N - 24)
+    assert states[-1].done == states[-1].total
     assert voxkernel.evaluate(whole[0] / "many.npy", output=tmp_path / "run", settings=SETTINGS).n_reused == 1
 
 
@@ -126,6 +128,17 @@ def test_objects_that_failed_are_tried_again_when_asked_for(whole, tmp_path):
     result = gone_on(whole, tmp_path, retry_failed=True)
     assert (result.n_rows, result.n_ok, result.n_failed, result.n_reused) == (N, 1, 0, 0)
     assert without_times(rows_of(tmp_path / "run")) == without_times(rows_of(whole[0] / "run"))
+
+
+def test_the_command_counts_objects_that_failed(whole, tmp_path, capsys):
+    interrupted(whole, tmp_path, failed_ones)
+    words = ["labels", str(whole[0] / "many.npy"), "--spacing", "1,1,1", "--rays", "8,32", "--workers", "1", "-q"]
+    assert main([*words, "-o", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr()
+    assert f"run: {N - 2} objects, " in said.out
+    assert said.out.endswith("; 2 objects failed\n")
+    lines = [f"voxkernel: error: {whole[0] / 'many.npy'}, object {number}: took too long" for number in (5, 9)]
+    assert said.err.splitlines() == lines
 
 
 def test_other_settings_or_another_image_replace_all_rows(whole, tmp_path):
