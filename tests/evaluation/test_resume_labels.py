@@ -12,8 +12,10 @@ import voxkernel
 from voxkernel import run_table
 from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.inputs import Item
 from voxkernel.evaluation.label_rows import most_pictures
 from voxkernel.evaluation.object_group import ObjectGroup, Pace
+from voxkernel.evaluation.worker import failed_outcome
 from voxkernel.report import write_report
 from voxkernel.run_table import read_rows
 
@@ -180,3 +182,11 @@ def test_a_report_of_objects_that_failed(whole, tmp_path):
     summary = write_report(tmp_path / "page.html", tmp_path / "run")
     assert [row["object"] for row in summary["failures"]["rows"]] == [5, 9]
     assert summary["objects"]["n"] == N - 29 - 2
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_numbers():
+    base = {"object": 3, "status": "ok", "notes": None, "thumbnail": None, "voxels_seen": 0.5}
+    group = ObjectGroup(np.array([3]), np.ones(1), 9, (base,))
+    outcome = failed_outcome(Item("a.npy", "a.npy", group=group), SETTINGS, "gone", known_hash="", seconds=1.0)
+    assert outcome.is_ok
+    assert outcome.rows == ({**base, "thumbnail": "", "notes": ["no picture: gone"]},)
