@@ -10,9 +10,12 @@ import pytest
 
 import voxkernel
 from voxkernel import run_table
+from voxkernel.cli.main import main
 from voxkernel.evaluation import EvaluateSettings
+from voxkernel.evaluation.inputs import Item
 from voxkernel.evaluation.label_rows import most_pictures
 from voxkernel.evaluation.object_group import ObjectGroup, Pace
+from voxkernel.evaluation.worker import failed_outcome
 from voxkernel.report import write_report
 from voxkernel.run_table import read_rows
 
@@ -86,7 +89,8 @@ def test_only_objects_without_rows_are_computed(whole, tmp_path):
     assert without_times(after) == without_times(uninterrupted)
     assert all(after[number] == row for number, row in before.items())  # with the seconds they took
     assert all(after[number] != uninterrupted[number] for number in uninterrupted.keys() - before.keys())
-    assert (states[0].done, states[0].reused, states[-1].done) == (N - 24, N - 24, states[-1].total)
+    assert (states[0].done, states[0].total, states[0].reused) == (N - 24, N, N - 24)
+    assert states[-1].done == states[-1].total
     assert voxkernel.evaluate(whole[0] / "many.npy", output=tmp_path / "run", settings=SETTINGS).n_reused == 1
 
 
@@ -128,6 +132,17 @@ def test_objects_that_failed_are_tried_again_when_asked_for(whole, tmp_path):
     assert without_times(rows_of(tmp_path / "run")) == without_times(rows_of(whole[0] / "run"))
 
 
+def test_the_command_counts_objects_that_failed(whole, tmp_path, capsys):
+    interrupted(whole, tmp_path, failed_ones)
+    words = ["labels", str(whole[0] / "many.npy"), "--spacing", "1,1,1", "--rays", "8,32", "--workers", "1", "-q"]
+    assert main([*words, "-o", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr()
+    assert f"run: {N - 2} objects, " in said.out
+    assert said.out.endswith("; 2 objects failed\n")
+    lines = [f"voxkernel: error: {whole[0] / 'many.npy'}, object {number}: took too long" for number in (5, 9)]
+    assert said.err.splitlines() == lines
+
+
 def test_other_settings_or_another_image_replace_all_rows(whole, tmp_path):
     interrupted(whole, tmp_path, lambda table: table.slice(50))
     result = gone_on(whole, tmp_path, n_rays=(8, 64), thumbnails=False)
@@ -167,3 +182,11 @@ def test_a_report_of_objects_that_failed(whole, tmp_path):
     summary = write_report(tmp_path / "page.html", tmp_path / "run")
     assert [row["object"] for row in summary["failures"]["rows"]] == [5, 9]
     assert summary["objects"]["n"] == N - 29 - 2
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_numbers():
+    base = {"object": 3, "status": "ok", "notes": None, "thumbnail": None, "voxels_seen": 0.5}
+    group = ObjectGroup(np.array([3]), np.ones(1), 9, (base,))
+    outcome = failed_outcome(Item("a.npy", "a.npy", group=group), SETTINGS, "gone", known_hash="", seconds=1.0)
+    assert outcome.is_ok
+    assert outcome.rows == ({**base, "thumbnail": "", "notes": ["no picture: gone"]},)

@@ -80,9 +80,13 @@ def run(args: argparse.Namespace) -> int:
     names = option_names(args.parser)
     failed = [(entry["file"], entry.get("object"), entry["reason"]) for entry in summary["failures"]["rows"]]
     show_failures(failed, len(failed), names)
-    words = [_words(summary.get("objects"))] if result.n_ok else []
-    if result.n_failed:
-        words.append(f"{result.n_failed} of {result.n_ok + result.n_failed} images failed")
+    in_parts = {file for file, number, _ in failed if number is not None}  # images whose other objects are there
+    n_whole = max(0, result.n_failed - len(in_parts))
+    words = [_words(summary.get("objects"))] if result.n_ok or in_parts else []
+    if in_parts:
+        words.append(f"{sum(number is not None for _, number, _ in failed)} objects failed")
+    if n_whole:
+        words.append(f"{n_whole} of {result.n_ok + result.n_failed} images failed")
     print(f"{display(args.output)}: {'; '.join(words)}")
     return 1 if result.n_failed else 0
 

@@ -200,10 +200,10 @@ def run_evaluation(
             before = resumed(items, index, settings, LaterStamps(store.fs, store.path))
             store.replace(index, before.places, before.labels)
         run_table.write_settings(store.fs, store.path, _described(settings, paths, len(items), left_out))
-        counts = _Counts(len(items) - before.n_reused, before, progress, store)
+        counts = _Counts(before, progress, store)
         counts.show()
         parts = in_parts(before.fresh, settings)
-        counts.total += n_units(parts) - len(parts)
+        counts.total = before.n_units + n_units(parts)
         _compute(items, parts, settings, analysis, store, counts)
         with closing(store.compact(["status"] if counts.n_failed else [])) as index:
             counts.show()
@@ -222,8 +222,9 @@ def run_evaluation(
 class _Counts:
     """Counts what is on disk and tells the caller."""
 
-    def __init__(self, n_fresh: int, before: Resumed, progress: Show | None, store: RunStore) -> None:
-        self.total, self.n_reused, self.n_failed = n_fresh + before.n_units, before.n_units, before.n_failed
+    def __init__(self, before: Resumed, progress: Show | None, store: RunStore) -> None:
+        self.total, self.n_reused = before.n_wanted + before.n_units, before.n_units
+        self.n_failed = before.n_failed
         self._failed = set(before.failed)  # an image fails once, whichever of its objects do
         self._progress, self._store, self._speed = progress, store, Speed()
 

@@ -37,6 +37,7 @@ class Resumed(NamedTuple):
     n_reused: int
     n_failed: int
     n_units: int  # that need not be: meshes, and objects of label images
+    n_wanted: int  # of these, to compute; a label image of which nothing is known is one
     failed: list[str]  # images of which objects failed, others are to be computed
     places: NDArray[np.int64]
     labels: list[str | None]
@@ -85,14 +86,16 @@ def resumed(
     n_units = int(known.n_units[first[reused]].sum()) if len(index) else 0
     fresh: list[Item] = []
     failed: list[str] = []
+    n_wanted = int((~reused).sum())
     for i in np.flatnonzero(~reused).tolist():
         fresh.append(known.going_on(items[i], first[i], settings) if there[i] else items[i])
         done = fresh[-1].done
         if there[i] and done is not None:
             n_units += len(done)
+            n_wanted += int(known.n_objects[first[i]]) - len(done) - 1
             if known.failed[first[i]] and not settings.retry_failed:
                 failed.append(items[i].name)
-    return Resumed(fresh, int(reused.sum()), n_failed + len(failed), n_units, failed, places, labels)
+    return Resumed(fresh, int(reused.sum()), n_failed + len(failed), n_units, n_wanted, failed, places, labels)
 
 
 def count_rows(items: Sequence[Item], index: RunIndex) -> int:
@@ -181,7 +184,7 @@ class _Known:
         self.failed = self._row_failed.copy()  # of the first row of a file: whether one of its rows has
         if n:
             self.failed[self._first] = np.logical_or.reduceat(self._row_failed, self._first)
-        objects = keys["n_objects"].fill_null(-1).to_numpy()
+        objects = self.n_objects = keys["n_objects"].fill_null(-1).to_numpy()
         # Else it is a label image of which objects are missing; one without objects has a row that marks it.
         self.is_whole = (objects <= 0) | (objects == self._n_rows)
         self.has_objects = objects > 0

@@ -70,7 +70,10 @@ def failed_outcome(
         return Outcome(item.name, (row,), seconds=seconds)
     n = len(item.group)
     if item.group.rows:  # only its picture is missing
-        rows = [{**row, "thumbnail": "", "notes": [*row["notes"], f"no picture: {reason}"]} for row in item.group.rows]
+        rows = [
+            {**row, "thumbnail": "", "notes": [*(row["notes"] or ()), f"no picture: {reason}"]}
+            for row in item.group.rows
+        ]
     else:
         row |= {"n_objects": item.group.n_objects, "seconds": seconds / n}
         rows = [{**row, "object": number} for number in item.group.ids.tolist()]
