@@ -15,7 +15,7 @@ def test_the_reason_names_what_is_missing(tmp_path, missing):
     inner = tmp_path / "stardist"
     inner.mkdir()
     (inner / "__init__.py").write_text(f"raise ModuleNotFoundError(\"No module named '{missing}'\")")
-    path = os.pathsep.join([str(tmp_path), str(ORACLE.parents[1]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join(filter(None, [str(tmp_path), str(ORACLE.parents[1]), os.environ.get("PYTHONPATH")]))
     done = subprocess.run(
         [sys.executable, str(ORACLE)], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path},
         check=False,
