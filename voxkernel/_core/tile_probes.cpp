@@ -12,7 +12,7 @@ namespace {
 constexpr int kPeriods[kOrders][2] = {{8, 64}, {64, 64}};  // the shares of a stage are multiples of the inverse
 constexpr int kWritten = 1;  // last stage whose probes are written out place by place; more of them is much code
 constexpr int kPlacesAtOnce = 4;
-constexpr Index kOften = 2000;  // places after which it is asked which voxels of a tile are out of the race
+constexpr Index kOften = 600;  // places after which it is asked which voxels of a tile are out of the race
 
 // Rows of a part: every so many from the tile and some more, in planes by their distance from the tile modulo 4; none
 // where it is 0.
@@ -22,9 +22,9 @@ struct Part {
   } planes[4];
 };
 constexpr Part kRows[4] = {
-    {{{0, 0}, {0, 0}, {4, 2}, {0, 0}}},  // a sixteenth of the rows
-    {{{2, 0}, {0, 0}, {4, 0}, {0, 0}}},  // three sixteenths
-    {{{2, 1}, {1, 0}, {2, 1}, {1, 0}}},  // the rest
+    {{{0, 0}, {0, 0}, {2, 0}, {0, 0}}},  // an eighth of the rows
+    {{{1, 0}, {0, 0}, {2, 1}, {0, 0}}},  // three eighths
+    {{{0, 0}, {1, 0}, {0, 0}, {1, 0}}},  // the rest
     {{{1, 0}, {1, 0}, {1, 0}, {1, 0}}},  // all
 };
 constexpr Part::Rows kFlatRows[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane
