@@ -22,9 +22,9 @@ struct Part {
   } planes[4];
 };
 constexpr Part kRows[4] = {
-    {{{0, 0}, {0, 0}, {2, 0}, {0, 0}}},  // an eighth of the rows
-    {{{1, 0}, {0, 0}, {2, 1}, {0, 0}}},  // three eighths
-    {{{0, 0}, {1, 0}, {0, 0}, {1, 0}}},  // the rest
+    {{{0, 0}, {0, 0}, {4, 2}, {0, 0}}},  // a sixteenth of the rows
+    {{{2, 0}, {0, 0}, {4, 0}, {0, 0}}},  // three sixteenths
+    {{{2, 1}, {1, 0}, {2, 1}, {1, 0}}},  // the rest
     {{{1, 0}, {1, 0}, {1, 0}, {1, 0}}},  // all
 };
 constexpr Part::Rows kFlatRows[4] = {{4, 2}, {4, 0}, {2, 1}, {1, 0}};  // of a single plane

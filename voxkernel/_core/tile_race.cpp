@@ -15,6 +15,7 @@ constexpr Index kShare = 4;        // tiles are bounded where this takes at most
 constexpr Index kCutLooks = 60;    // looks that may cut candidates
 constexpr Index kCutVoxels = 100;  // voxels of an object for each of these: fewer are raced as fast
 constexpr Index kCutHidden = 5;    // looks for each voxel that is hidden from the best
+constexpr Index kRaced = 300;      // voxels of an object, for each candidate that is raced in the time of one look
 constexpr Index kSample = 256;     // hidden voxels that tell which probes to take
 
 }  // namespace
@@ -143,13 +144,17 @@ void TileRace::go_ahead(int pass) {
   work(pass, tile, *nth);
 }
 
-// Once, as soon as little is hidden from the best voxel. Whether candidates are left.
+// Once, as soon as so little is hidden from the best voxel that this takes less than a race of the candidates left.
+// Whether some are left.
 bool TileRace::cut() {
-  const Index most_looks = std::min(kCutLooks, looks_.n_voxels() / kCutVoxels);
-  if (!is_cut_ && kCutHidden * looks_.least() <= most_looks) {
-    is_cut_ = true;
+  const Index n = looks_.n_voxels(), n_looks = kCutHidden * looks_.least();
+  const Index most_looks = std::min(kCutLooks, n / kCutVoxels);
+  if (!is_cut_ && n_looks <= most_looks) {
     drop(candidates_);
-    if (!candidates_.empty()) cut_by_hidden(looks_, candidates_, most_looks);
+    if (n_looks * n <= kRaced * static_cast<Index>(candidates_.size())) {
+      is_cut_ = true;
+      if (!candidates_.empty()) cut_by_hidden(looks_, candidates_, most_looks);
+    }
   }
   return !candidates_.empty();
 }
