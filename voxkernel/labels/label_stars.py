@@ -80,7 +80,8 @@ def label_stars(
     segments by one offset touch a tile that moves by the same steps. Probes of a part of the segments bound what is
     hidden from each voxel, then of all, then more probes; where less is hidden than from the best so far, voxels are
     gathered in new tiles in between, and in the end whole segments are walked along, unless what is seen nearer to the
-    tile decides. Objects too large for that are cut into blocks: what is hidden from the
+    tile decides. Where few voxels are hidden from the best so far, these are looked from instead, as sight is mutual:
+    a voxel that few of them see is out. Objects too large for that are cut into blocks: what is hidden from the
     middle of a block in the object, widened by half the block, is hidden from the whole block.
 
     Examples

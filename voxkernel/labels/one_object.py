@@ -21,7 +21,7 @@ from voxkernel._core import (
 )
 from voxkernel._frozen import Frozen
 from voxkernel.labels.ray_sets import RaySet
-from voxkernel.labels.reasons import Hidden
+from voxkernel.labels.reasons import SEEN_WHOLE, Hidden
 
 __all__ = ["ImageFrame", "ObjectRow", "object_row", "position_of"]
 
@@ -76,7 +76,9 @@ def object_row(
     parts = (1, n, 0, 0) if n_seen == n else label_parts(crop, flat, stop)
     center = position_of(best, crop.shape)
     behind = _behind_holes(crop, flat, center, n_seen, parts[1], stop) if parts[2] else 0
-    hidden = Hidden(n, parts[0], n - parts[1], parts[2], parts[3], behind, parts[1] - n_seen - behind)
+    hidden = SEEN_WHOLE
+    if n_seen < n:
+        hidden = Hidden(n, parts[0], n - parts[1], parts[2], parts[3], behind, parts[1] - n_seen - behind)
     offset = np.array(low) - 1
     high = [a + s - 2 for a, s in zip(low, crop.shape, strict=True)]
     touches = [a == 0 or b == m for a, b, m in zip(low, high, frame.shape, strict=True)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["ENOUGH", "Hidden", "best_overlap", "causes_in", "rays_needed", "reason_of"]
+__all__ = ["ENOUGH", "SEEN_WHOLE", "Hidden", "best_overlap", "causes_in", "rays_needed", "reason_of"]
 
 ENOUGH = (0.8, 0.9)  # overlaps that numbers of rays are given for
 _USUAL = 96  # rays of StarDist by default
@@ -31,6 +31,9 @@ class Hidden:
     def total(self) -> int:
         """All that is hidden."""
         return self.apart + self.behind_holes + self.bent
+
+
+SEEN_WHOLE = Hidden(1, 1, 0, 0, 0, 0, 0)  # of any object that is: it is not held once for each
 
 
 def rays_needed(n_rays: tuple[int, ...], iou: tuple[float, ...]) -> tuple[int, int]:
