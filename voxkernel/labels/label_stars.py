@@ -142,6 +142,7 @@ def stars_of(
     places = objects.low[chosen] // np.array(image.chunks)
     order = chosen[np.lexsort(places.T[::-1])]
     rows: dict[int, tuple[ObjectRow, SurfaceRow]] = {}
+    none = SurfaceRow()
 
     def work(first: int, stop: StopFlag) -> None:
         some = order[first : first + _PART].tolist()
@@ -149,7 +150,7 @@ def stars_of(
             low = objects.low[i].tolist()
             check_crop("objects", crop, objects, i)
             row = object_row(crop, [0, *low] if image.is_flat else low, frame, stop)
-            rows[i] = row, surface_row(crop, frame.spacing) if surface and not image.is_flat else SurfaceRow()
+            rows[i] = row, surface_row(crop, frame.spacing) if surface and not image.is_flat else none
 
     run_parts(work, range(0, len(order), _PART), threads)
     return _table([rows[i] for i in chosen.tolist()], image, objects, chosen, counts)
