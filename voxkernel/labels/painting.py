@@ -13,7 +13,7 @@ from voxkernel._core import visible_voxels
 from voxkernel.labels.label_image import LabelImage
 from voxkernel.labels.label_stars import as_image
 from voxkernel.labels.label_table import LabelStars
-from voxkernel.labels.objects import LabelObjects, check_crop, crop_of
+from voxkernel.labels.objects import LabelObjects, check_crop, crops_of
 
 __all__ = ["paint_labels", "paint_seen", "seen_from"]
 
@@ -80,8 +80,7 @@ def _crops(image: LabelImage, objects: LabelObjects) -> Generator[tuple[int, tup
     """Each object: its number, its box in the image, and its crop, which has a layer around."""
     if objects.low.shape[1] != len(image.shape) or (objects.high > np.array(image.shape)).any():
         raise ValueError(f"`stars` must be of this image; got boxes outside its shape {image.shape}")
-    for i in range(len(objects)):
-        crop = crop_of(image, objects, i)
+    for i, crop in enumerate(crops_of(image, objects, range(len(objects)))):
         check_crop("stars", crop, objects, i)
         yield i, tuple(map(slice, objects.low[i].tolist(), objects.high[i].tolist())), crop
 
